@@ -1,0 +1,130 @@
+// The back end in one object: finished sub-maps in, optimised sub-map poses, loops and the final graph out.
+//
+// Algorithms only: no thread, message or file of its own. The optimizer thread of the daemon, or replay, owns one and
+// calls it from one thread. Deterministic: work is budgeted in candidates and iterations, never in time.
+//
+// Live graph: sub-map poses S_a and virtual landmarks, observations pre-composed into the sub-map's frame (design notes 11.1).
+// Final graph: equation (5) of the paper, track points and landmarks.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "slam/base/pose2.hpp"
+#include "slam/base/status.hpp"
+#include "slam/landmark/landmark.hpp"
+#include "slam/loop/submap_match.hpp"
+#include "slam/submap/finished_submap.hpp"
+#include "slam/submap/submap_source.hpp"
+
+namespace submapd {
+
+enum class LoopState : std::uint8_t { kPending, kConfirmed, kRejected };
+
+struct Loop {
+  SubmapMatch match;
+  LoopState state = LoopState::kPending;
+};
+
+struct OptimizerOptions {
+  bool loops = true;  // false: adjacent sub-maps only (replay --no-loops)
+  std::uint64_t seed = 1;
+  std::size_t graph_bytes_limit = 16U << 20;
+};
+
+// What the optimizer counted; all monotonic but `bytes_used`.
+struct OptimizerCounters {
+  std::uint64_t submaps = 0;
+  std::uint64_t landmarks = 0;        // in the graph now
+  std::uint64_t loop_candidates = 0;  // branch-and-bound runs
+  std::uint64_t loops_confirmed = 0;  // state now
+  std::uint64_t loops_pending = 0;    // state now
+  std::uint64_t loops_rejected = 0;   // candidates and pending loops that were refused
+  std::uint64_t solves = 0;
+  double solve_ms_max = 0.0;          // wall time, for the report only: nothing depends on it
+  std::size_t bytes_used = 0;
+  std::size_t bytes_peak = 0;
+};
+
+struct SubmapPose {
+  std::uint32_t index = 0;
+  Pose2 map_from_submap;
+};
+
+// State after a live solve: what CART_GRAPH carries and what corrects the pose in the map.
+struct GraphState {
+  std::uint32_t version = 0;         // grows by one with each solve
+  std::vector<SubmapPose> submaps;   // in order of index
+  std::vector<Loop> loops;           // in order of discovery
+};
+
+struct GraphPose {       // VERTEX_SE2
+  std::uint64_t id = 0;
+  Pose2 pose;
+};
+struct GraphPoint {      // VERTEX_XY
+  std::uint64_t id = 0;
+  Eigen::Vector2d point = Eigen::Vector2d::Zero();
+};
+struct GraphPoseEdge {   // EDGE_SE2
+  std::uint64_t from = 0;
+  std::uint64_t to = 0;
+  Pose2 measurement;     // from⁻¹ ∘ to
+  Eigen::Matrix3d information = Eigen::Matrix3d::Identity();
+};
+struct GraphPointEdge {  // EDGE_SE2_XY
+  std::uint64_t from = 0;
+  std::uint64_t to = 0;
+  Eigen::Vector2d measurement = Eigen::Vector2d::Zero();
+  Eigen::Matrix2d information = Eigen::Matrix2d::Identity();
+};
+
+// The graph as it is written to graph.g2o, values optimised.
+struct GraphExport {
+  std::vector<GraphPose> poses;
+  std::vector<GraphPoint> points;
+  std::vector<GraphPoseEdge> pose_edges;
+  std::vector<GraphPointEdge> point_edges;
+  std::vector<std::uint64_t> fixed;
+};
+
+// A track point's pose in the map after the final solve.
+struct OptimizedKeyframe {
+  std::uint64_t scan_index = 0;
+  std::int64_t stamp_us = 0;
+  Pose2 map_from_base;
+};
+
+struct FinalResult {
+  std::vector<SubmapPose> submaps;            // in order of index
+  std::vector<OptimizedKeyframe> keyframes;   // every distinct track point of the run, in order of time
+  std::vector<Loop> loops;
+  GraphExport graph;                          // equation (5)
+  std::string report;                         // a few lines for people: residuals before and after, iterations
+};
+
+class Optimizer {
+ public:
+  // `source` must outlive the optimizer; the sub-map just added can already be loaded from it.
+  Optimizer(const OptimizerOptions& options, SubmapSource& source);
+  ~Optimizer();
+  Optimizer(const Optimizer&) = delete;
+  Optimizer& operator=(const Optimizer&) = delete;
+
+  // Takes the next finished sub-map (indices 0, 1, 2, ... in order), matches it with its neighbours, seeks loops, solves.
+  Expected<GraphState> add_submap(const std::shared_ptr<const FinishedSubmap>& submap);
+
+  // Remaining loop search over all overlapping pairs, then equation (5) to convergence.
+  Expected<FinalResult> finish();
+
+  [[nodiscard]] const GraphState& state() const;
+  [[nodiscard]] OptimizerCounters counters() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace submapd
