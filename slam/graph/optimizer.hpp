@@ -105,22 +105,32 @@ struct FinalResult {
   std::string report;                         // a few lines for people: residuals before and after, iterations
 };
 
-class Optimizer {
+// What the optimizer thread drives: the Optimizer below, or a double in tests.
+class BackEnd {
+ public:
+  BackEnd() = default;
+  BackEnd(const BackEnd&) = delete;
+  BackEnd& operator=(const BackEnd&) = delete;
+  virtual ~BackEnd() = default;
+
+  // Takes the next finished sub-map (indices 0, 1, 2, ... in order), matches it with its neighbours, seeks loops, solves.
+  virtual Expected<GraphState> add_submap(const std::shared_ptr<const FinishedSubmap>& submap) = 0;
+
+  // Remaining loop search over all overlapping pairs, then equation (5) to convergence.
+  virtual Expected<FinalResult> finish() = 0;
+
+  [[nodiscard]] virtual OptimizerCounters counters() const = 0;
+};
+
+class Optimizer : public BackEnd {
  public:
   // `source` must outlive the optimizer; the sub-map just added can already be loaded from it.
   Optimizer(const OptimizerOptions& options, SubmapSource& source);
-  ~Optimizer();
-  Optimizer(const Optimizer&) = delete;
-  Optimizer& operator=(const Optimizer&) = delete;
+  ~Optimizer() override;
 
-  // Takes the next finished sub-map (indices 0, 1, 2, ... in order), matches it with its neighbours, seeks loops, solves.
-  Expected<GraphState> add_submap(const std::shared_ptr<const FinishedSubmap>& submap);
-
-  // Remaining loop search over all overlapping pairs, then equation (5) to convergence.
-  Expected<FinalResult> finish();
-
-  [[nodiscard]] const GraphState& state() const;
-  [[nodiscard]] OptimizerCounters counters() const;
+  Expected<GraphState> add_submap(const std::shared_ptr<const FinishedSubmap>& submap) override;
+  Expected<FinalResult> finish() override;
+  [[nodiscard]] OptimizerCounters counters() const override;
 
  private:
   struct Impl;
