@@ -281,7 +281,6 @@ struct Mapper::Impl {
       }
       return;
     }
-    const Particle seed = set.best();
     const bool ambiguous =
         found != nullptr && found->score > 0.0 && found->second_score > options.ambiguous_ratio * found->score;
     Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen;
