@@ -1,0 +1,116 @@
+// submapctl simulate: a world, a cart and a laser scanner; writes a log and its exact truth.
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <memory>
+#include <string>
+
+#include "tools/sim/office.hpp"
+#include "tools/sim/scan_sink.hpp"
+#include "tools/sim/simulator.hpp"
+#include "tools/submapctl/commands.hpp"
+
+namespace submapd::tools {
+namespace {
+
+struct SimulateArguments {
+  std::string world;
+  std::string out;
+  std::uint64_t seed = 1;
+  double minutes = 0.0;
+  double speed_m_s = 1.5;
+  bool odometry = false;
+  bool no_noise = false;
+  std::string format = "clf";
+};
+
+int report(const Status& status) {
+  fmt::print(stderr, "submapctl simulate: {}\n", status.message());
+  const bool users = status.code() == StatusCode::kInvalidArgument || status.code() == StatusCode::kCorrupt ||
+                     status.code() == StatusCode::kNotFound;
+  return users ? 2 : 1;
+}
+
+Status write_run(Simulator& simulator, ScanSink& log, ScanSink& truth) {
+  const bool progress = isatty(STDERR_FILENO) == 1;
+  while (const std::optional<Scan> scan = simulator.next()) {
+    const Pose2 pose = simulator.truth(scan->stamp_us);
+    for (ScanSink* sink : {&log, &truth}) {
+      if (Status status = sink->write(*scan, pose); !status.ok()) {
+        return status;
+      }
+    }
+    if (progress && (scan->index % 400 == 0 || scan->index + 1 == simulator.scan_count())) {
+      fmt::print(stderr, "\r{} of {} scans", scan->index + 1, simulator.scan_count());
+    }
+  }
+  if (progress) {
+    fmt::print(stderr, "\n");
+  }
+  if (Status status = log.finish(); !status.ok()) {
+    return status;
+  }
+  return truth.finish();
+}
+
+int simulate(const SimulateArguments& arguments) {
+  const auto world = std::make_shared<const World>(office_world());
+  const Route route = office_tour();
+
+  MotionOptions motion_options;
+  motion_options.seed = arguments.seed;
+  motion_options.duration_s = 60.0 * arguments.minutes;
+  motion_options.speed_m_s = arguments.speed_m_s;
+  Expected<Motion> motion = Motion::along(route, motion_options);
+  if (!motion) {
+    return report(motion.error());
+  }
+  SimulatorOptions options;
+  options.seed = arguments.seed;
+  options.sensor.noise = !arguments.no_noise;
+  if (arguments.odometry) {
+    options.odometry = OdometryOptions{};
+  }
+  const auto cart = std::make_shared<const Motion>(std::move(*motion));
+  Simulator simulator(world, cart, options);
+
+  auto log = open_clf_sink(arguments.out + "." + arguments.format);
+  if (!log) {
+    return report(log.error());
+  }
+  auto truth = open_truth_sink(arguments.out + ".truth.tum");
+  if (!truth) {
+    return report(truth.error());
+  }
+  if (const Status status = write_run(simulator, **log, **truth); !status.ok()) {
+    return report(status);
+  }
+  fmt::print("{}.{}: {} scans, {:.1f} s, {:.1f} m of way, {} walls, seed {}\n", arguments.out, arguments.format,
+             simulator.scan_count(), cart->duration_s(), cart->length_m(), world->segments().size(), arguments.seed);
+  return 0;
+}
+
+}  // namespace
+
+void register_simulate(CLI::App& app, CommandRun& run) {
+  auto arguments = std::make_shared<SimulateArguments>();
+  CLI::App* command = app.add_subcommand("simulate", "Write the log and the truth of a simulated run");
+  command->add_option("world", arguments->world, "office")->required();
+  command->add_option("--out", arguments->out, "Prefix of the files written: PREFIX.clf and PREFIX.truth.tum")
+      ->required();
+  command->add_option("--seed", arguments->seed, "Seed of all noise")->capture_default_str();
+  command->add_option("--minutes", arguments->minutes, "Duration; the tour is repeated or cut; without it, one tour")
+      ->check(CLI::Range(0.1, 1440.0));
+  command->add_option("--speed", arguments->speed_m_s, "Top speed in m/s")
+      ->check(CLI::Range(0.05, 5.0))
+      ->capture_default_str();
+  command->add_flag("--odometry", arguments->odometry, "Write noisy wheel odometry into the log");
+  command->add_flag("--no-noise", arguments->no_noise, "Exact ranges, none missing");
+  command->add_option("--format", arguments->format, "Format of the log")
+      ->check(CLI::IsMember({"clf", "clf.gz"}))
+      ->capture_default_str();
+  command->callback([arguments, &run] { run = [arguments] { return simulate(*arguments); }; });
+}
+
+}  // namespace submapd::tools
