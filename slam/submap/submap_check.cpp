@@ -14,17 +14,6 @@ bool within(double value, double limit) {  // false for NaN
   return std::abs(value) <= limit;
 }
 
-bool is_sound(const Pose2& pose) {
-  return within(pose.x, kMaxCoordinate_m) && within(pose.y, kMaxCoordinate_m) && within(pose.yaw, kMaxCoordinate_m);
-}
-
-bool is_sound(const ScanGeometry& geometry) {
-  return within(geometry.first_angle_rad, 100.0) && within(geometry.angle_step_rad, 100.0) &&
-         within(geometry.sweep_s, 100.0) && geometry.sweep_s >= 0.0 && within(geometry.range_max_m, 1e4) &&
-         geometry.range_min_m >= 0.0 && geometry.range_min_m <= geometry.range_max_m &&
-         is_sound(geometry.base_from_sensor);
-}
-
 // Track points and tracked scans are both in order of time.
 template <typename T>
 bool follows(const T& item, const T* previous) {
@@ -43,6 +32,17 @@ Status check_list(std::string_view name, const std::vector<T>& items) {
 }
 
 }  // namespace
+
+bool is_sound(const Pose2& pose) {
+  return within(pose.x, kMaxCoordinate_m) && within(pose.y, kMaxCoordinate_m) && within(pose.yaw, kMaxCoordinate_m);
+}
+
+bool is_sound(const ScanGeometry& geometry) {
+  return within(geometry.first_angle_rad, 100.0) && within(geometry.angle_step_rad, 100.0) &&
+         within(geometry.sweep_s, 100.0) && geometry.sweep_s >= 0.0 && within(geometry.range_max_m, 1e4) &&
+         geometry.range_min_m >= 0.0 && geometry.range_min_m <= geometry.range_max_m &&
+         is_sound(geometry.base_from_sensor);
+}
 
 std::string_view head_problem(const FinishedSubmap& submap) {
   if (!is_sound(submap.odom_from_submap)) return "pose in the odom frame not finite or too far";

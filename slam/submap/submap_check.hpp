@@ -18,6 +18,9 @@ inline constexpr std::size_t kMaxBeams = 10'000;
 inline constexpr double kMaxCoordinate_m = 1e6;          // of any pose
 inline constexpr std::int32_t kMaxBlockIndex = 1 << 20;  // keeps 64 * index inside 32 bits
 
+[[nodiscard]] bool is_sound(const Pose2& pose);  // finite and within kMaxCoordinate_m
+[[nodiscard]] bool is_sound(const ScanGeometry& geometry);
+
 [[nodiscard]] std::string_view head_problem(const FinishedSubmap& submap);
 [[nodiscard]] std::string_view problem_of(const Keyframe& keyframe, const Keyframe* previous);
 [[nodiscard]] std::string_view problem_of(const TrackedScan& scan, const TrackedScan* previous);
