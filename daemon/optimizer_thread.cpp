@@ -85,12 +85,12 @@ void OptimizerThread::announce(std::uint32_t last_index) {
 Status OptimizerThread::wait_until_processed(std::uint32_t index) {
   announce(index);
   const MutexLock lock(mutex_);
-  std::uint64_t seen = progress_;
+  std::uint32_t seen = processed_;
   Clock::time_point deadline = Clock::now() + options_.no_progress_timeout;
   while (processed_ <= index && !ended_) {
     const bool timed_out = changed_.wait_until(mutex_, deadline) == std::cv_status::timeout;
-    if (progress_ != seen) {
-      seen = progress_;
+    if (processed_ != seen) {
+      seen = processed_;
       deadline = Clock::now() + options_.no_progress_timeout;
     } else if (timed_out && processed_ <= index && !ended_) {
       return Status(StatusCode::kUnavailable,
@@ -204,7 +204,6 @@ Status OptimizerThread::drain(const std::stop_token& stop) {
     {
       const MutexLock lock(mutex_);
       counters_.chunks = assembler_.counters();
-      ++progress_;
     }
     if (!complete_) continue;
     const ChunkAssembler::Complete complete = std::move(*complete_);
@@ -261,7 +260,6 @@ Status OptimizerThread::feed(const std::shared_ptr<const FinishedSubmap>& submap
   counters_.chunks = assembler_.counters();
   ++counters_.submaps;
   processed_ = next_;
-  ++progress_;
   changed_.notify_all();
   return {};
 }
@@ -290,7 +288,6 @@ void OptimizerThread::answer_finish() {
   finish_wanted_ = false;
   back_end_counters_ = back_end_.counters();
   final_result_ = std::move(result);
-  ++progress_;
   changed_.notify_all();
 }
 

@@ -73,7 +73,7 @@ class OptimizerThread {
   void announce(std::uint32_t last_index);
 
   // Announces `index` and returns when the back end has taken it. Errors: that of the thread, or kUnavailable when
-  // nothing moved for no_progress_timeout.
+  // no sub-map was taken for no_progress_timeout.
   [[nodiscard]] Status wait_until_processed(std::uint32_t index);
 
   // Processes what has been announced, then runs BackEnd::finish() in the thread.
@@ -112,7 +112,6 @@ class OptimizerThread {
 
   mutable Mutex mutex_;
   std::condition_variable_any changed_;
-  std::uint64_t progress_ GUARDED_BY(mutex_) = 0;  // grows with each message and each sub-map
   std::int64_t announced_ GUARDED_BY(mutex_) = -1;
   std::uint32_t processed_ GUARDED_BY(mutex_) = 0;  // sub-maps the back end has taken
   bool ended_ GUARDED_BY(mutex_) = false;
