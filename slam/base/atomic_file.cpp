@@ -1,0 +1,82 @@
+#include "slam/base/atomic_file.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <cstdint>
+#include <system_error>
+#include <utility>
+
+namespace submapd {
+namespace {
+
+std::atomic<std::uint64_t> g_temporaries{0};  // makes two temporaries of one process differ
+
+}  // namespace
+
+AtomicFile::AtomicFile(std::filesystem::path path) : path_(std::move(path)) {
+  const std::string name = fmt::format(".{}.{}.{}.tmp", path_.filename().string(), ::getpid(), g_temporaries++);
+  const std::filesystem::path temporary = path_.parent_path() / name;
+  fd_ = ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644);
+  if (fd_ < 0) {
+    (void)fail("cannot create a temporary file");
+    return;
+  }
+  temporary_ = temporary;
+}
+
+AtomicFile::~AtomicFile() {
+  remove_temporary();
+}
+
+Status AtomicFile::write(std::span<const std::byte> bytes) {
+  if (status_.ok() && fd_ < 0) status_ = Status(StatusCode::kInternal, path_.string() + ": write after commit");
+  while (status_.ok() && !bytes.empty()) {
+    const ssize_t written = ::write(fd_, bytes.data(), bytes.size());
+    if (written < 0 && errno == EINTR) continue;
+    if (written <= 0) return fail("cannot write");
+    bytes = bytes.subspan(static_cast<std::size_t>(written));
+  }
+  return status_;
+}
+
+Status AtomicFile::commit() {
+  if (status_.ok() && fd_ < 0) status_ = Status(StatusCode::kInternal, path_.string() + ": committed twice");
+  if (!status_.ok()) return status_;
+  if (::fsync(fd_) != 0) return fail("cannot sync");
+  if (::close(std::exchange(fd_, -1)) != 0) return fail("cannot close");
+  if (::rename(temporary_.c_str(), path_.c_str()) != 0) return fail("cannot rename the temporary file");
+  temporary_.clear();
+  const std::filesystem::path folder = path_.has_parent_path() ? path_.parent_path() : std::filesystem::path(".");
+  const int folder_fd = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (folder_fd < 0) return fail("cannot open the folder to sync it");
+  if (::fsync(folder_fd) != 0) (void)fail("cannot sync the folder");
+  ::close(folder_fd);
+  return status_;
+}
+
+Status AtomicFile::fail(std::string_view step) {
+  const int error = errno;
+  status_ =
+      Status(StatusCode::kIo, fmt::format("{}: {}: {}", path_.string(), step, std::generic_category().message(error)));
+  remove_temporary();
+  return status_;
+}
+
+void AtomicFile::remove_temporary() {
+  if (fd_ >= 0) ::close(std::exchange(fd_, -1));
+  if (!temporary_.empty()) ::unlink(temporary_.c_str());
+  temporary_.clear();
+}
+
+Status atomic_write_file(const std::filesystem::path& path, std::span<const std::byte> bytes) {
+  AtomicFile file(path);
+  if (Status status = file.write(bytes); !status.ok()) return status;
+  return file.commit();
+}
+
+}  // namespace submapd
