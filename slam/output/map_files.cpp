@@ -31,7 +31,7 @@ Status write_pgm(const std::filesystem::path& path, const MapImage& map) {
 
 // A plain decimal with a point: YAML 1.1 readers take "1e-05" for a string and "1" for an integer.
 std::string yaml_number(double value) {
-  std::string text = fmt::format("{:.9f}", value);
+  std::string text = fmt::format("{:.9f}", value + 0.0);  // no "-0.0"
   while (text.back() == '0' && text[text.size() - 2] != '.') text.pop_back();
   return text;
 }

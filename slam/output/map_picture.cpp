@@ -70,10 +70,15 @@ void draw_end(Canvas& canvas, const Sizes& sizes, const Vector2d& at) {
 }
 
 void draw_loop(Canvas& canvas, const Sizes& sizes, const Vector2d& from, const Vector2d& to, bool confirmed) {
+  const double width = 1.7 * sizes.unit;
+  const double halo = width + 2.0 * sizes.unit;
+  const double dash = 7.0 * sizes.unit;
   if (confirmed) {
-    canvas.line(from, to, 1.4 * sizes.unit, kConfirmed);
+    canvas.line(from, to, halo, kPaper);
+    canvas.line(from, to, width, kConfirmed);
   } else {
-    canvas.dashed_line(from, to, 1.4 * sizes.unit, 6.0 * sizes.unit, kPending);
+    canvas.dashed_line(from, to, halo, dash, kPaper);
+    canvas.dashed_line(from, to, width, dash, kPending);
   }
 }
 
@@ -138,7 +143,8 @@ std::vector<LegendItem> legend_items(const MapView& view, const Sizes& sizes, co
                      }
                    }});
   if (!input.path.empty()) {
-    items.push_back({48.0 * u, "path, start to end", [&sizes, u](Canvas& canvas, const Vector2d& at) {
+    items.push_back({58.0 * u, "path, start to end", [&sizes, u](Canvas& canvas, const Vector2d& left) {
+                       const Vector2d at = left + Vector2d(5.0 * u, 0.0);
                        for (int i = 0; i < 48; ++i) {
                          canvas.line(at + Vector2d(i * u, 0.0), at + Vector2d((i + 1) * u, 0.0), 1.8 * u,
                                      path_color(i / 47.0));
@@ -201,7 +207,7 @@ double legend(Canvas* canvas, std::span<const LegendItem> items, const Sizes& si
 // A line of text made smaller, then cut, until it fits the width.
 void fitted_text(Canvas& canvas, const Vector2d& at, std::string text, double dot, double stroke, double width_px,
                  Color color) {
-  const double least_dot = 0.6 * dot;
+  const double least_dot = 0.5 * dot;
   const double fitting_dot = width_px / std::max(1.0, internal::text_width_dots(text));
   const double used_dot = std::clamp(fitting_dot, least_dot, dot);
   if (fitting_dot < least_dot) {

@@ -13,9 +13,9 @@ namespace {
 constexpr int kWantedSide_px = 1200;
 constexpr int kMaxWidth_px = 2400;
 constexpr int kMaxHeight_px = 2000;  // leaves 400 for title and legend
-constexpr int kMinWidth_px = 640;    // for title and legend
+constexpr int kMinWidth_px = 720;    // for title and legend
 constexpr int kMaxEnlargement = 8;
-constexpr double kMargin = 0.04;  // of the long side
+constexpr double kMargin = 0.04;  // of the long side, or of three times the short one if that is less
 constexpr int kMinMargin_cells = 6;
 
 // Cells [left, right) x [bottom, top).
@@ -87,7 +87,8 @@ MapView fit_view(const MapImage& map, std::span<const Pose2> path) {
   const CellBox box = shown_cells(map, path);
   const int known_width = box.right - box.left;
   const int known_height = box.top - box.bottom;
-  const int margin = std::max(kMinMargin_cells, static_cast<int>(kMargin * std::max(known_width, known_height)));
+  const int base = std::min(std::max(known_width, known_height), 3 * std::min(known_width, known_height));
+  const int margin = std::max(kMinMargin_cells, static_cast<int>(kMargin * base));
   const int width_cells = known_width + 2 * margin;
   const int height_cells = known_height + 2 * margin;
 
