@@ -27,12 +27,14 @@ struct Twist2 {
   friend bool operator==(const Twist2&, const Twist2&) = default;
 };
 
-// Angle to [-pi, pi).
+// Angle to [-pi, pi); NaN for what is not finite.
 [[nodiscard]] inline double wrap_angle(double angle_rad) {
   const double turned = angle_rad + std::numbers::pi;
   const double wrapped = turned - 2.0 * std::numbers::pi * std::floor(turned / (2.0 * std::numbers::pi));
-  // Rounding can give exactly 2 pi for tiny negative input.
-  return wrapped >= 2.0 * std::numbers::pi ? -std::numbers::pi : wrapped - std::numbers::pi;
+  if (wrapped >= 0.0 && wrapped < 2.0 * std::numbers::pi) return wrapped - std::numbers::pi;
+  // Rounding led out of the interval: just below a multiple of 2 pi, or many turns away. The slow way is exact.
+  const double rest = std::remainder(angle_rad, 2.0 * std::numbers::pi);
+  return rest >= std::numbers::pi ? -std::numbers::pi : rest;
 }
 
 // a ∘ b = (t_a + R_a t_b, θ_a + θ_b).

@@ -6,9 +6,11 @@
 #include <memory>
 #include <string>
 
+#include "tools/sim/floor_plan.hpp"
 #include "tools/sim/office.hpp"
 #include "tools/sim/scan_sink.hpp"
 #include "tools/sim/simulator.hpp"
+#include "tools/sim/tour_planner.hpp"
 #include "tools/submapctl/commands.hpp"
 
 namespace submapd::tools {
@@ -17,6 +19,8 @@ namespace {
 struct SimulateArguments {
   std::string world;
   std::string out;
+  std::string waypoints;
+  double resolution_m = 0.05;
   std::uint64_t seed = 1;
   double minutes = 0.0;
   double speed_m_s = 1.5;
@@ -54,15 +58,56 @@ Status write_run(Simulator& simulator, ScanSink& log, ScanSink& truth) {
   return truth.finish();
 }
 
+struct Scene {
+  std::shared_ptr<const World> world;
+  Route route;
+};
+
+Expected<Route> read_route(const std::string& path) {
+  const Expected<std::string> text = read_text_file(path);
+  if (!text) {
+    return failure(text.error());
+  }
+  auto waypoints = parse_waypoints(*text, path);
+  if (!waypoints) {
+    return failure(waypoints.error());
+  }
+  constexpr double kClosed_m = 0.5;
+  Route route;
+  route.closed = waypoints->size() > 2 && (waypoints->front() - waypoints->back()).norm() < kClosed_m;
+  route.waypoints = std::move(*waypoints);
+  return route;
+}
+
+Expected<Scene> make_scene(const SimulateArguments& arguments) {
+  const bool office = arguments.world == "office";
+  Expected<FloorPlan> plan = office ? FloorPlan{office_world(), World({}), {}}
+                                    : load_floor_plan(arguments.world, arguments.resolution_m);
+  if (!plan) {
+    return failure(plan.error());
+  }
+  TourOptions tour;
+  tour.seed = arguments.seed;
+  Expected<Route> route = !arguments.waypoints.empty() ? read_route(arguments.waypoints)
+                          : office                     ? office_tour()
+                                                       : plan_tour(*plan, tour);
+  if (!route) {
+    return failure(route.error());
+  }
+  return Scene{std::make_shared<const World>(std::move(plan->world)), std::move(*route)};
+}
+
 int simulate(const SimulateArguments& arguments) {
-  const auto world = std::make_shared<const World>(office_world());
-  const Route route = office_tour();
+  const Expected<Scene> scene = make_scene(arguments);
+  if (!scene) {
+    return report(scene.error());
+  }
 
   MotionOptions motion_options;
   motion_options.seed = arguments.seed;
   motion_options.duration_s = 60.0 * arguments.minutes;
   motion_options.speed_m_s = arguments.speed_m_s;
-  Expected<Motion> motion = Motion::along(route, motion_options);
+  Expected<Motion> motion = Motion::along(scene->route, motion_options);
   if (!motion) {
     return report(motion.error());
   }
@@ -73,7 +118,7 @@ int simulate(const SimulateArguments& arguments) {
     options.odometry = OdometryOptions{};
   }
   const auto cart = std::make_shared<const Motion>(std::move(*motion));
-  Simulator simulator(world, cart, options);
+  Simulator simulator(scene->world, cart, options);
 
   auto log = open_clf_sink(arguments.out + "." + arguments.format);
   if (!log) {
@@ -87,7 +132,7 @@ int simulate(const SimulateArguments& arguments) {
     return report(status);
   }
   fmt::print("{}.{}: {} scans, {:.1f} s, {:.1f} m of way, {} walls, seed {}\n", arguments.out, arguments.format,
-             simulator.scan_count(), cart->duration_s(), cart->length_m(), world->segments().size(), arguments.seed);
+             simulator.scan_count(), cart->duration_s(), cart->length_m(), scene->world->segments().size(), arguments.seed);
   return 0;
 }
 
@@ -96,9 +141,13 @@ int simulate(const SimulateArguments& arguments) {
 void register_simulate(CLI::App& app, CommandRun& run) {
   auto arguments = std::make_shared<SimulateArguments>();
   CLI::App* command = app.add_subcommand("simulate", "Write the log and the truth of a simulated run");
-  command->add_option("world", arguments->world, "office")->required();
+  command->add_option("world", arguments->world, "office, or a file of walls .csv or a grey map .pgm, .pgm.gz")->required();
   command->add_option("--out", arguments->out, "Prefix of the files written: PREFIX.clf and PREFIX.truth.tum")
       ->required();
+  command->add_option("--resolution", arguments->resolution_m, "Metres a cell of a grey map")
+      ->check(CLI::Range(0.001, 10.0))
+      ->capture_default_str();
+  command->add_option("--waypoints", arguments->waypoints, "File of way-points, x,y a line; without it a tour is planned");
   command->add_option("--seed", arguments->seed, "Seed of all noise")->capture_default_str();
   command->add_option("--minutes", arguments->minutes, "Duration; the tour is repeated or cut; without it, one tour")
       ->check(CLI::Range(0.1, 1440.0));

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 namespace submapd {
@@ -74,6 +75,13 @@ TEST(WrapAngleTest, AtTheSeam) {
   EXPECT_NEAR(std::abs(wrap_angle(std::nextafter(-kPi, -4.0))), kPi, 1e-15);
   EXPECT_NEAR(wrap_angle(kPi + 0.25), -kPi + 0.25, 1e-15);
   EXPECT_NEAR(wrap_angle(-kPi - 0.25), kPi - 0.25, 1e-15);
+}
+
+TEST(WrapAngleTest, ManyTurnsAwayStaysInside) {
+  // Found by StaysInItsInterval: the rounded product of 2 pi and the turns was off by more than a turn.
+  const double angle = std::ldexp(-0.499999897, 57);
+  EXPECT_EQ(wrap_angle(angle), std::remainder(angle, 2.0 * kPi));
+  EXPECT_TRUE(std::isnan(wrap_angle(std::numeric_limits<double>::infinity())));
 }
 
 // Whatever finite number comes in, huge ones included, the result lies in [-pi, pi).
