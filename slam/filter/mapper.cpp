@@ -422,7 +422,9 @@ ScanReport Mapper::process(const Scan& scan) {
       m.normalise();
       fit = known_fit(m.points, m.field_of(m.set.best()), m.front->map(), m.set.best().pose);
     } else {
-      if (m.single()) {
+      // Odometry holds the direction that the walls do not: nothing is latched then.
+      if (m.odometry_delta) m.degeneracy.reset();
+      if (m.single() && !m.odometry_delta) {
         const Pose2 predicted = compose(before, m.predict(m.set.best(), step_s).delta);
         const LineSystem at_prediction = line_system(m.points.thinned(), m.front->map().surface(),
                                                      m.points.angle_step_rad(), predicted, o.matcher.lines);
@@ -507,8 +509,10 @@ ScanReport Mapper::process(const Scan& scan) {
       first = true;
     } else {
       if (!report.lost && m.wants_keyframe(scan)) {
-        m.insert_keyframe(scan);
+        report.keyframe_step = between(m.set.tree().node(m.set.best().node).pose, m.set.best().pose);
+        report.keyframe_linked = true;
         report.keyframe = true;
+        m.insert_keyframe(scan);
       }
     }
   }

@@ -43,7 +43,7 @@ struct MapperOptions {
   double ambiguous_ratio = 0.85;     // second peak over first: spread particles
   bool unwarp = true;                // [experiment]: off shows what the sweep costs
   int max_beams = 2048;
-  int distance_planes = 6000;        // 4 kB each, all layers together
+  int distance_planes = 4000;        // 4 kB each, all layers together
   IndexMapOptions map;
   SubmapLimits limits;
   ScanPointOptions points;
@@ -63,6 +63,9 @@ struct ScanReport {
   Pose2 odom_from_base;
   std::uint64_t keyframe_scan_index = 0;  // newest key-frame of the best lineage
   Pose2 keyframe_from_base;             // pose relative to it: stays true when key-frames are optimised
+  // If this scan is a key-frame: its pose seen from the key-frame before it. Not linked: the first of all, or after a break.
+  Pose2 keyframe_step;
+  bool keyframe_linked = false;
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  // sub-map frame
   double entropy = 0.0;                 // of the pose posterior, nat
   int particles = 1;

@@ -29,8 +29,8 @@ struct OccupancyOptions {
 
 struct IndexMapOptions {
   double cell_m = 0.05;
-  int max_blocks = 800;      // of 64 x 64 cells
-  int max_faces = 40000;     // surface statistics
+  int max_blocks = 400;      // of 64 x 64 cells
+  int max_faces = 30000;     // surface statistics
   int max_beams = 2048;
   OccupancyOptions occupancy;
   FreeSpaceOptions free_space;

@@ -18,7 +18,7 @@ struct SubmapLimits {
   double heading_rad = 9.4248;  // 540 deg of turning
   double extent_m = 50.0;
   int keyframes = 150;
-  int blocks = 700;             // of the pool's 800
+  int blocks = 350;             // of the pool's 400
 };
 
 class ActiveSubmap {

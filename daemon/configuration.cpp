@@ -1,0 +1,174 @@
+#include "daemon/configuration.hpp"
+
+#include <fmt/format.h>
+
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+#include <functional>
+#include <sstream>
+#include <toml++/toml.h>
+#include <variant>
+#include <vector>
+
+namespace submapd {
+namespace {
+
+// A key: where it stands, what it means, what it may be, and the field it sets.
+struct Key {
+  std::string_view section;
+  std::string_view name;
+  std::string_view unit;
+  std::string_view meaning;
+  double low = 0.0;
+  double high = 0.0;
+  std::variant<double*, int*, std::uint64_t*, bool*, std::function<bool(std::string_view)>> field;
+  std::string choices;  // of a text key
+  std::string text_default;
+};
+
+std::vector<Key> keys_of(Configuration& c) {
+  MapperOptions& m = c.mapper;
+  std::vector<Key> keys;
+  const auto add = [&keys](std::string_view section, std::string_view name, std::string_view unit, double low, double high,
+                           auto* field, std::string_view meaning) {
+    keys.push_back({section, name, unit, meaning, low, high, field, "", ""});
+  };
+  keys.push_back({"filter", "mode", "", "particle filter: adaptive, rbpf (fixed number) or fastslam (textbook)", 0, 0,
+                  [&m](std::string_view value) {
+                    if (value == "adaptive") m.filter = FilterMode::kAdaptive;
+                    else if (value == "rbpf") m.filter = FilterMode::kRbpf;
+                    else if (value == "fastslam") m.filter = FilterMode::kFastSlam;
+                    else return false;
+                    return true;
+                  },
+                  "adaptive, rbpf, fastslam", "adaptive"});
+  add("filter", "particles", "", 1, 500, &m.particles, "number of particles of rbpf and fastslam");
+  add("filter", "max_adaptive_particles", "", 1, 500, &m.max_adaptive_particles, "most particles adaptive may spread");
+  add("filter", "seed", "", 0, 9e15, &m.seed, "of all random numbers");
+  add("filter", "covariance_kappa", "", 1, 1000, &m.covariance_kappa, "neighbouring beams are correlated: information / kappa");
+  add("keyframe", "distance", "m", 0.01, 5, &m.keyframe_m, "a key-frame after this distance");
+  add("keyframe", "turn", "rad", 0.005, 1, &m.keyframe_rad, "or this turn");
+  add("keyframe", "wait", "s", 0.1, 60, &m.keyframe_s, "or this time with a little motion");
+  add("submap", "path", "m", 2, 200, &m.limits.path_m, "a sub-map is full after this path");
+  add("submap", "keyframes", "", 10, 2000, &m.limits.keyframes, "or this many key-frames");
+  add("submap", "extent", "m", 5, 150, &m.limits.extent_m, "or this extent of the path");
+  add("submap", "turn", "rad", 1, 100, &m.limits.heading_rad, "or this much turning");
+  add("map", "cell", "m", 0.01, 0.5, &m.map.cell_m, "side of a grid cell");
+  add("map", "carve_range", "m", 1, 100, &m.map.free_space.max_range_m, "free space is marked this far");
+  add("map", "error_code_is_free", "", 0, 0, &m.points.error_code_is_free, "range code 1 means free up to the limit");
+  add("budget", "map_blocks", "blocks", 50, 4000, &m.map.max_blocks, "blocks of 64 x 64 cells of one active sub-map");
+  add("budget", "surface_faces", "", 1000, 65535, &m.map.max_faces, "surface statistics of one active sub-map");
+  add("budget", "distance_planes", "4 kB", 500, 65535, &m.distance_planes, "distance field blocks, all particles together");
+  add("budget", "submap_cache", "bytes", 1 << 20, 1e10, &c.submap_cache_bytes, "finished sub-maps kept in memory");
+  add("budget", "graph", "bytes", 1 << 16, 1e10, &c.graph_bytes, "pose graph, landmarks and loops");
+  add("budget", "map_raster", "bytes", 1 << 20, 1e10, &c.map_raster_bytes, "the whole map while it is saved");
+  add("experiment", "unwarp", "", 0, 0, &m.unwarp, "false: beams are not moved to the scan's stamp");
+  add("experiment", "line_matching", "", 0, 0, &m.matcher.use_lines, "false: stage 2 of the matcher is off");
+  return keys;
+}
+
+std::string allowed(const Key& key) {
+  if (std::holds_alternative<bool*>(key.field)) return "true or false";
+  if (!key.choices.empty()) return "one of " + key.choices;
+  return fmt::format("a number from {:g} to {:g}{}{}", key.low, key.high, key.unit.empty() ? "" : " ", key.unit);
+}
+
+// Sets the field from a value; false if the value is not allowed.
+bool assign(const Key& key, const toml::node& node) {
+  if (const auto* text = std::get_if<std::function<bool(std::string_view)>>(&key.field)) {
+    const auto value = node.value_exact<std::string>();
+    return value && (*text)(*value);
+  }
+  if (bool* const* flag = std::get_if<bool*>(&key.field)) {
+    const auto value = node.value_exact<bool>();
+    if (value) **flag = *value;
+    return value.has_value();
+  }
+  const bool whole = !std::holds_alternative<double*>(key.field);
+  const auto value = node.is_number() && (!whole || node.is_integer()) ? node.value<double>() : std::nullopt;
+  if (!value || !(*value >= key.low && *value <= key.high)) return false;
+  if (double* const* real = std::get_if<double*>(&key.field)) **real = *value;
+  if (int* const* number = std::get_if<int*>(&key.field)) **number = static_cast<int>(*value);
+  if (std::uint64_t* const* number = std::get_if<std::uint64_t*>(&key.field)) {
+    **number = static_cast<std::uint64_t>(*value);
+  }
+  return true;
+}
+
+std::string default_text(const Key& key) {
+  if (bool* const* flag = std::get_if<bool*>(&key.field)) return **flag ? "true" : "false";
+  if (double* const* real = std::get_if<double*>(&key.field)) return fmt::format("{:.6g}", **real);
+  if (int* const* number = std::get_if<int*>(&key.field)) return fmt::format("{}", **number);
+  if (std::uint64_t* const* number = std::get_if<std::uint64_t*>(&key.field)) return fmt::format("{}", **number);
+  return '"' + key.text_default + '"';
+}
+
+}  // namespace
+
+Expected<Configuration> parse_configuration(std::string_view text, std::string_view name) {
+  Configuration configuration;
+  const std::vector<Key> keys = keys_of(configuration);
+  const auto wrong = [name](const toml::source_region& where, const std::string& what) {
+    return failure(StatusCode::kInvalidArgument, fmt::format("{}:{}: {}", name, where.begin.line, what));
+  };
+  toml::table table;
+  try {
+    table = toml::parse(text, name);
+  } catch (const toml::parse_error& error) {
+    return wrong(error.source(), std::string(error.description()));
+  }
+  for (const auto& [section, node] : table) {
+    const toml::table* entries = node.as_table();
+    if (entries == nullptr) return wrong(node.source(), fmt::format("key \"{}\" stands outside any section", section.str()));
+    for (const auto& [entry, value] : *entries) {
+      const Key* found = nullptr;
+      std::string known;
+      for (const Key& key : keys) {
+        if (key.section != section.str()) continue;
+        known += fmt::format("{}{}", known.empty() ? "" : ", ", key.name);
+        if (key.name == entry.str()) found = &key;
+      }
+      if (found == nullptr) {
+        return wrong(value.source(), known.empty()
+                                         ? fmt::format("unknown section [{}]", section.str())
+                                         : fmt::format("unknown key \"{}\" in [{}]; known are {}", entry.str(),
+                                                       section.str(), known));
+      }
+      if (!assign(*found, value)) {
+        return wrong(value.source(), fmt::format("\"{}\" must be {}", entry.str(), allowed(*found)));
+      }
+    }
+  }
+  return configuration;
+}
+
+Expected<Configuration> load_configuration(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  if (!file) {
+    const StatusCode code = errno == ENOENT ? StatusCode::kNotFound : StatusCode::kIo;
+    return failure(code, fmt::format("cannot read configuration {}: {}", path, std::strerror(errno)));
+  }
+  std::ostringstream text;
+  text << file.rdbuf();
+  if (file.bad() || text.fail()) {
+    return failure(StatusCode::kIo, fmt::format("cannot read configuration {}: is it a file?", path));
+  }
+  return parse_configuration(text.str(), path);
+}
+
+std::string describe_configuration() {
+  Configuration defaults;
+  std::string out;
+  std::string_view section;
+  for (const Key& key : keys_of(defaults)) {
+    if (key.section != section) {
+      out += fmt::format("{}[{}]\n", section.empty() ? "" : "\n", key.section);
+      section = key.section;
+    }
+    out += fmt::format("# {}: {}\n{} = {}\n", key.meaning, allowed(key), key.name, default_text(key));
+  }
+  return out;
+}
+
+}  // namespace submapd
