@@ -38,10 +38,9 @@ class FileSource final : public ByteSource {
     return static_cast<std::size_t>(got);
   }
 
-  double progress() const override {
-    if (at_end_) return 1.0;
-    if (size_bytes_ == 0) return 0.0;
-    return std::min(1.0, static_cast<double>(done_) / static_cast<double>(size_bytes_));
+  double progress(std::size_t unused_bytes) const override {
+    if (size_bytes_ == 0) return at_end_ && unused_bytes == 0 ? 1.0 : 0.0;
+    return std::min(1.0, static_cast<double>(done_ - unused_bytes) / static_cast<double>(size_bytes_));
   }
 
  private:
@@ -63,8 +62,8 @@ class MemorySource final : public ByteSource {
     return count;
   }
 
-  double progress() const override {
-    return bytes_.empty() ? 1.0 : static_cast<double>(done_) / static_cast<double>(bytes_.size());
+  double progress(std::size_t unused_bytes) const override {
+    return bytes_.empty() ? 1.0 : static_cast<double>(done_ - unused_bytes) / static_cast<double>(bytes_.size());
   }
 
  private:

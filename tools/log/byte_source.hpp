@@ -25,8 +25,9 @@ class ByteSource {
   // REQUIRES: into is not empty.
   [[nodiscard]] virtual Expected<std::size_t> read(std::span<std::byte> into) = 0;
 
-  // Share of the input read so far, 0 to 1, of the packed bytes where it is packed; 0 while the size is not known.
-  [[nodiscard]] virtual double progress() const = 0;
+  // Share of the input that is used up, 0 to 1, if the last `unused_bytes` that were delivered are not; by packed bytes
+  // where it is packed. 0 while the size is not known.
+  [[nodiscard]] virtual double progress(std::size_t unused_bytes) const = 0;
 };
 
 // Opens a regular file, a pipe or a device. kNotFound, kIo (no permission, ...), kInvalidArgument (a folder).

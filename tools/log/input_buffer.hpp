@@ -31,7 +31,7 @@ class InputBuffer {
 
   [[nodiscard]] std::uint64_t offset() const { return offset_; }  // of the next byte, counted after unpacking
   [[nodiscard]] const Status& status() const { return status_; }  // not ok: the input ended early, and why
-  [[nodiscard]] double progress() const { return source_->progress(); }
+  [[nodiscard]] double progress() const { return source_->progress(end_ - begin_); }
 
  private:
   std::unique_ptr<ByteSource> source_;

@@ -100,7 +100,7 @@ void LcmReader::skip_to_sync(const std::string& why) {
   const std::uint64_t start = input_.offset();
   // Past this very sync word, if there is one.
   input_.consume(1);
-  for (;;) {
+  while (input_.offset() - start <= kGiveUp_bytes) {
     const auto window = input_.peek(kSync.size());
     const std::size_t sync_at = find_sync(window, 0);
     if (sync_at != window.size() || window.size() < kSync.size()) {

@@ -49,7 +49,7 @@ class LogReader {
 
   [[nodiscard]] virtual const LogSummary& summary() const = 0;
 
-  // Share of the file that is read, 0 to 1, ahead by what is buffered; 0 for a pipe until its end.
+  // Share of the file that is read, 0 to 1, by its packed bytes if it is packed; 0 for a pipe until its end.
   [[nodiscard]] virtual double progress() const = 0;
 };
 

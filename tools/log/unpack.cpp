@@ -35,7 +35,7 @@ class UnpackSource : public ByteSource {
     return 0;
   }
 
-  double progress() const final { return packed_.progress(); }
+  double progress(std::size_t /*unused_bytes*/) const final { return packed_.progress(); }
 
  protected:
   // Unpacks at least one byte, or calls end() or damaged() first.

@@ -208,7 +208,7 @@ class EndlessSource final : public ByteSource {
     front_.erase(0, count);
     return into.size();
   }
-  double progress() const override { return 0.0; }
+  double progress(std::size_t /*unused_bytes*/) const override { return 0.0; }
 
  private:
   std::string front_;
@@ -233,7 +233,7 @@ class FailingSource final : public ByteSource {
     front_.erase(0, count);
     return count;
   }
-  double progress() const override { return 0.0; }
+  double progress(std::size_t /*unused_bytes*/) const override { return 0.0; }
 
  private:
   std::string front_;
