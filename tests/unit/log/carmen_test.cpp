@@ -155,7 +155,7 @@ TEST(CarmenTest, DamagedLinesAreSkippedAndTold) {
       {"FLASER 3 1 abc 1" + tail, "a range is not a number: \"abc\""},
       {"FLASER 3 1 1.2.3 1" + tail, "a range is not a number: \"1.2.3\""},
       {"FLASER 3 1 1,5 1" + tail, "a range is not a number: \"1,5\""},
-      {"FLASER 4 1 1 1" + tail, "ends before logger_time"},
+      {"FLASER 4 1 1 1" + tail, "ipc_time is not a number: \"h\""},
       {"FLASER 2 1 1 1 0 0 0 0 0 0 1 7 1\n", "more fields"},
       {"FLASER 3 1 1 1 0 0 0\n", "ends before the odometry"},
       {"FLASER 3 1 1 1 0 0 0 0 0 0 1 h\n", "ends before logger_time"},
@@ -167,11 +167,11 @@ TEST(CarmenTest, DamagedLinesAreSkippedAndTold) {
       {"ROBOTLASER1 5 -1 2 99 5 0 0 2 1 1 0" + tail, "start_angle"},
       {"ROBOTLASER1 5 -1 2 0 5 0 0 2 1 1 0 0 0 0 0 0 0 0 0 0 0 0 1 h 1\n", "angular step is 0"},
       {"ROBOTLASER1 5 -1 2 0.1 5 0 0 2 1 1 20000 0 0 0 0 0 0 0 0 0 0 0 1 h 1\n", "number of remissions"},
-      {"ROBOTLASER1 5 -1 2 0.1 5 0 0 2 1 1 3 0 0 0 0 0 0 0 0 0 0 0 1 h 1\n", "ends before"},
+      {"ROBOTLASER1 5 -1 2 0.1 5 0 0 2 1 1 3 0 0 0 0 0 0 0 0 0 0 0 1 h 1\n", "not a number: \"h\""},
       {"ODOM 1 2 3\n", "ends before"},
       {"ODOM 1 2 x 0 0 0 1 h 1\n", "not a number"},
       {std::string("\0\1\2\xFF junk\n", 10), "no keyword"},
-      {std::string("FLASER 2 1 \0 1 0 0 0 0 0 0 1 h 1\n", 34), "a range is not a number: \"?\""},
+      {std::string("FLASER 2 1 \0 1 0 0 0 0 0 0 1 h 1\n", 33), "a range is not a number: \"?\""},
   };
   for (const auto& [line, expected] : damages) {
     const auto log = read_bytes(plain_flaser(3) + line + plain_flaser(3));

@@ -122,12 +122,12 @@ TEST_F(OpenLogTest, DamagedPackedLogYieldsItsFrontAndAProblem) {
 
 TEST_F(OpenLogTest, ProgressGoesFromZeroToOne) {
   std::string text;
-  for (int i = 0; i < 10; ++i) text += long_log();
+  for (int i = 0; i < 3; ++i) text += long_log();
   for (const auto& bytes : {text, gzipped(text), xzipped(text)}) {
     auto reader = open_log(write("log", bytes), decode_double);
     ASSERT_TRUE(reader.has_value());
     double last = (*reader)->progress();
-    EXPECT_LT(last, 0.5);
+    EXPECT_LT(last, 0.9);
     for (auto scan = (*reader)->next(); scan && scan->has_value(); scan = (*reader)->next()) {
       EXPECT_GE((*reader)->progress(), last);
       last = (*reader)->progress();
