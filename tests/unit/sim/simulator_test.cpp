@@ -7,7 +7,7 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
+#include <iterator>
 #include <sstream>
 
 #include "tools/sim/floor_plan.hpp"
