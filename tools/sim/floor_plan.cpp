@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <zlib.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <charconv>
 #include <cmath>
@@ -38,8 +39,8 @@ Expected<std::vector<std::vector<double>>> parse_rows(std::string_view text, con
     }
     const auto bad = [&](std::string_view what) {
       return failure(StatusCode::kCorrupt,
-                     fmt::format("{}:{}: {}; each line has {} numbers in metres separated by commas, within 10 km", name,
-                                 line_number, what, count));
+                     fmt::format("{}:{}: {}; each line has {} numbers in metres separated by commas, within 10 km",
+                                 name, line_number, what, count));
     };
     if (rows.size() == kMaxLines) {
       return bad("more than 100000 lines");

@@ -1,7 +1,7 @@
 // Floor plans from files: wall segments (CSV) and grey maps (PGM, plain or compressed) become worlds.
 //
-// CSV: one wall a line, x1,y1,x2,y2 in metres; empty lines and lines that start with # are skipped. PGM: P2 or P5 with up
-// to 255 grey levels, first row on top; dark cells are walls, light cells free, what lies between is unknown.
+// CSV: one wall a line, x1,y1,x2,y2 in metres; empty lines and lines that start with # are skipped. PGM: P2 or P5 with
+// up to 255 grey levels, first row on top; dark cells are walls, light cells free, what lies between is unknown.
 #pragma once
 
 #include <cstdint>

@@ -31,7 +31,9 @@ double smootherstep(double u) {
   return u * u * u * (10.0 + u * (6.0 * u - 15.0));
 }
 
-double ramp_length(double length_m) { return std::min(kWobbleRamp_m, length_m / 3.0); }
+double ramp_length(double length_m) {
+  return std::min(kWobbleRamp_m, length_m / 3.0);
+}
 
 std::vector<Eigen::Vector2d> lay_out_laps(const Route& route, const MotionOptions& options) {
   double lap_m = route.closed ? (route.waypoints.front() - route.waypoints.back()).norm() : 0.0;
@@ -100,8 +102,8 @@ Expected<Motion> Motion::along(const Route& route, const MotionOptions& options)
   }
   Motion motion;
   motion.duration_s_ = options.standstill_s;
-  motion.time_limit_s_ = options.duration_s > 0.0 ? options.duration_s - options.standstill_s
-                                                  : std::numeric_limits<double>::infinity();
+  motion.time_limit_s_ =
+      options.duration_s > 0.0 ? options.duration_s - options.standstill_s : std::numeric_limits<double>::infinity();
   for (const std::vector<Eigen::Vector2d>& leg : split_at_reversals(points)) {
     if (!motion.add_drive(leg, route, options)) {
       break;
@@ -175,7 +177,8 @@ bool Motion::add_turn(double to_yaw_rad, const MotionOptions& options) {
   }
   const double rate = 0.75 * options.yaw_rate_rad_s;  // people turn a cart on the spot below its limit
   const ProfileLimits limits{0.5 * options.yaw_acceleration_rad_s2, 2.0 * options.yaw_acceleration_rad_s2};
-  SpeedProfile profile(std::abs(turn_rad), kProfileStep_rad, [rate](double) { return rate; }, limits);
+  SpeedProfile profile(
+      std::abs(turn_rad), kProfileStep_rad, [rate](double) { return rate; }, limits);
   const double start_s = duration_s_ + kPause_s;
   const double end_s = start_s + profile.duration_s() + kPause_s;
   if (end_s > time_limit_s_) {

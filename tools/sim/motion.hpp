@@ -1,7 +1,7 @@
 // The exact motion of the simulated cart: its pose at any time.
 //
-// The cart follows a route leg by leg. A leg is a smooth path driven from rest to rest; where the way-points reverse, the
-// cart stops and turns on the spot. Position is twice continuously differentiable in time, the yaw rate continuous.
+// The cart follows a route leg by leg. A leg is a smooth path driven from rest to rest; where the way-points reverse,
+// the cart stops and turns on the spot. Position is twice continuously differentiable in time, the yaw rate continuous.
 // Immutable; needs about 1 kB a metre of way.
 #pragma once
 

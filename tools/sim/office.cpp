@@ -17,15 +17,17 @@ struct Opening {
 };
 
 // Door of the usual width.
-Opening door(double centre) { return {centre - 0.55, centre + 0.55, 0.0}; }
+Opening door(double centre) {
+  return {centre - 0.55, centre + 0.55, 0.0};
+}
 
 class Draughtsman {
  public:
   void box(double x, double y, double width, double depth, double yaw_deg = 0.0) {
     const double c = std::cos(yaw_deg * std::numbers::pi / 180.0);
     const double s = std::sin(yaw_deg * std::numbers::pi / 180.0);
-    polygon(x, y, {{-width / 2, -depth / 2}, {width / 2, -depth / 2}, {width / 2, depth / 2}, {-width / 2, depth / 2}}, c,
-            s);
+    polygon(x, y, {{-width / 2, -depth / 2}, {width / 2, -depth / 2}, {width / 2, depth / 2}, {-width / 2, depth / 2}},
+            c, s);
   }
 
   void round(double x, double y, double radius, int corners = 10) {
@@ -135,8 +137,16 @@ void draw_walls(Draughtsman& d) {
   d.wall(40.0, 0.0, 25.0, {}, true);
   // Long corridors: south y 6..8, north y 16..18.
   d.wall(6.0, 0.0, 40.0,
-         {door(5.0), {7.8, 8.9, -0.45}, door(10.5), door(16.0), {17.6, 18.5, -0.35}, door(21.0), door(25.5), door(30.0),
-          {32.0, 32.7, -0.5}, door(35.5)});
+         {door(5.0),
+          {7.8, 8.9, -0.45},
+          door(10.5),
+          door(16.0),
+          {17.6, 18.5, -0.35},
+          door(21.0),
+          door(25.5),
+          door(30.0),
+          {32.0, 32.7, -0.5},
+          door(35.5)});
   d.wall(8.0, 2.0, 8.0);
   d.wall(8.0, 10.0, 20.0, {door(12.2), {16.4, 17.8, 0.4}});
   d.wall(8.0, 22.0, 31.0, {{23.4, 24.2, 0.3}, {27.2, 29.0, 0.5}});
@@ -146,8 +156,16 @@ void draw_walls(Draughtsman& d) {
   d.wall(16.0, 22.0, 31.0, {{25.0, 26.6, -0.45}});
   d.wall(16.0, 33.0, 38.0);
   d.wall(18.0, 0.0, 40.0,
-         {door(6.0), {9.4, 10.2, 0.4}, door(12.0), door(17.0), door(22.0), {23.9, 24.5, 0.3}, door(26.5), door(31.0),
-          {32.6, 33.6, 0.4}, door(36.0)});
+         {door(6.0),
+          {9.4, 10.2, 0.4},
+          door(12.0),
+          door(17.0),
+          door(22.0),
+          {23.9, 24.5, 0.3},
+          door(26.5),
+          door(31.0),
+          {32.6, 33.6, 0.4},
+          door(36.0)});
   d.wall(2.0, 6.0, 8.0, {}, true);
   d.wall(38.0, 6.0, 8.0, {}, true);
   d.wall(2.0, 16.0, 18.0, {}, true);
@@ -187,23 +205,23 @@ void furnish_corridors(Draughtsman& d) {
   for (const double x : {4.1, 8.3, 14.3, 19.8, 25.2, 29.0, 37.2}) {
     d.box(x, 17.88, 0.28, 0.13);
   }
-  d.box(2.6, 7.5, 0.7, 0.6, 12.0);     // crates in the west end
+  d.box(2.6, 7.5, 0.7, 0.6, 12.0);  // crates in the west end
   d.box(2.5, 6.6, 0.5, 0.5, 40.0);
-  d.round(37.4, 7.4, 0.25);            // plant
+  d.round(37.4, 7.4, 0.25);  // plant
   d.box(37.3, 6.5, 0.6, 0.4);
-  d.box(13.0, 6.33, 0.9, 0.4);         // copier
+  d.box(13.0, 6.33, 0.9, 0.4);  // copier
   d.box(18.9, 7.75, 0.5, 0.35, 8.0);
   d.box(27.4, 6.28, 0.45, 0.3);
-  d.round(22.9, 7.68, 0.18, 8);        // water cooler
+  d.round(22.9, 7.68, 0.18, 8);  // water cooler
   d.box(33.6, 7.72, 0.5, 0.4, -9.0);
-  d.box(15.6, 16.3, 1.2, 0.35);        // bench
+  d.box(15.6, 16.3, 1.2, 0.35);  // bench
   d.round(10.9, 17.7, 0.19, 8);
   d.box(20.8, 17.72, 0.7, 0.35);
   d.box(28.0, 16.3, 0.5, 0.4, 15.0);
   d.round(34.0, 16.35, 0.22, 9);
   d.box(2.6, 17.4, 0.9, 0.5);
   d.box(37.5, 16.6, 0.5, 0.7);
-  d.box(8.22, 11.6, 0.3, 0.6);         // lockers and boxes in the cross corridors
+  d.box(8.22, 11.6, 0.3, 0.6);  // lockers and boxes in the cross corridors
   d.box(9.82, 13.6, 0.2, 0.9);
   d.box(9.76, 9.0, 0.3, 0.3, 20.0);
   d.box(20.2, 12.4, 0.25, 0.8);
@@ -382,26 +400,26 @@ Route office_tour() {
   route.smoothing_m = 0.8;
   route.jitter_m = 0.05;
   route.waypoints = {
-      {6.0, 7.0},                                              // start, facing east in the south corridor
-      {10.5, 7.0},  {10.5, 3.4},                               // archive and back
-      {10.5, 7.0},  {16.0, 7.0},  {16.0, 3.2},                 // copying room and back
-      {16.0, 7.0},  {21.0, 7.0},  {21.0, 3.2},  {25.5, 3.2},   // through the southern open plan
-      {25.5, 7.0},  {32.0, 7.0},  {32.0, 10.2}, {36.6, 10.2},  // workshop and back
+      {6.0, 7.0},                                                            // start, facing east in the south corridor
+      {10.5, 7.0},  {10.5, 3.4},                                             // archive and back
+      {10.5, 7.0},  {16.0, 7.0},  {16.0, 3.2},                               // copying room and back
+      {16.0, 7.0},  {21.0, 7.0},  {21.0, 3.2},  {25.5, 3.2},                 // through the southern open plan
+      {25.5, 7.0},  {32.0, 7.0},  {32.0, 10.2}, {36.6, 10.2},                // workshop and back
       {32.0, 10.2}, {32.0, 17.0}, {26.5, 17.0}, {26.5, 21.8}, {22.0, 21.8},  // round the pillars of the northern one
-      {22.0, 17.0}, {9.0, 17.0},  {9.0, 14.0},  {5.0, 14.0},   // western office and back
-      {9.0, 14.0},  {9.0, 7.0},                                // the first ring closes
-      {12.2, 7.0},  {12.2, 10.6}, {13.2, 13.4}, {13.2, 17.0},  // through the training room
-      {21.0, 17.0}, {21.0, 10.2}, {24.6, 10.2},                // lounge and back
-      {21.0, 10.2}, {21.0, 7.0},  {30.0, 7.0},  {30.0, 3.0},   // director and back
-      {30.0, 7.0},  {35.5, 7.0},  {35.5, 3.0},                 // laboratory and back
-      {35.5, 7.0},  {32.0, 7.0},  {32.0, 14.0}, {29.2, 14.0},  // meeting room and back
-      {32.0, 14.0}, {32.0, 17.0}, {36.0, 17.0}, {36.0, 20.8},  // corner room and back
-      {36.0, 17.0}, {31.0, 17.0}, {31.0, 21.4},                // drawing office and back
-      {31.0, 17.0}, {17.0, 17.0}, {17.0, 21.0},                // rest room and back
-      {17.0, 17.0}, {12.0, 17.0}, {12.0, 21.4},                // library and back
-      {12.0, 17.0}, {6.0, 17.0},  {6.0, 21.6},                 // four-desk office and back
-      {6.0, 17.0},  {9.0, 17.0},  {9.0, 9.6},   {5.2, 9.6},    // store and back
-      {9.0, 9.6},   {9.0, 7.0},   {5.0, 7.0},   {5.0, 3.0},    // two-desk office and back
+      {22.0, 17.0}, {9.0, 17.0},  {9.0, 14.0},  {5.0, 14.0},                 // western office and back
+      {9.0, 14.0},  {9.0, 7.0},                                              // the first ring closes
+      {12.2, 7.0},  {12.2, 10.6}, {13.2, 13.4}, {13.2, 17.0},                // through the training room
+      {21.0, 17.0}, {21.0, 10.2}, {24.6, 10.2},                              // lounge and back
+      {21.0, 10.2}, {21.0, 7.0},  {30.0, 7.0},  {30.0, 3.0},                 // director and back
+      {30.0, 7.0},  {35.5, 7.0},  {35.5, 3.0},                               // laboratory and back
+      {35.5, 7.0},  {32.0, 7.0},  {32.0, 14.0}, {29.2, 14.0},                // meeting room and back
+      {32.0, 14.0}, {32.0, 17.0}, {36.0, 17.0}, {36.0, 20.8},                // corner room and back
+      {36.0, 17.0}, {31.0, 17.0}, {31.0, 21.4},                              // drawing office and back
+      {31.0, 17.0}, {17.0, 17.0}, {17.0, 21.0},                              // rest room and back
+      {17.0, 17.0}, {12.0, 17.0}, {12.0, 21.4},                              // library and back
+      {12.0, 17.0}, {6.0, 17.0},  {6.0, 21.6},                               // four-desk office and back
+      {6.0, 17.0},  {9.0, 17.0},  {9.0, 9.6},   {5.2, 9.6},                  // store and back
+      {9.0, 9.6},   {9.0, 7.0},   {5.0, 7.0},   {5.0, 3.0},                  // two-desk office and back
       {5.0, 7.0},
   };
   return route;

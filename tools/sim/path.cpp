@@ -35,7 +35,9 @@ std::vector<Eigen::Vector2d> box_filter(const std::vector<Eigen::Vector2d>& poin
 
 }  // namespace
 
-double PathPoint::heading_rad() const { return std::atan2(first.y(), first.x()); }
+double PathPoint::heading_rad() const {
+  return std::atan2(first.y(), first.x());
+}
 
 double PathPoint::curvature() const {
   const double norm = first.norm();
@@ -100,8 +102,7 @@ PathPoint Path::at(double s) const {
   const Eigen::Vector2d& m0 = second_[i];
   const Eigen::Vector2d& m1 = second_[i + 1];
   PathPoint point;
-  point.position =
-      a * knots_[i] + b * knots_[i + 1] + h * h / 6.0 * ((a * a * a - a) * m0 + (b * b * b - b) * m1);
+  point.position = a * knots_[i] + b * knots_[i + 1] + h * h / 6.0 * ((a * a * a - a) * m0 + (b * b * b - b) * m1);
   point.first = (knots_[i + 1] - knots_[i]) / h + h / 6.0 * ((1.0 - 3.0 * a * a) * m0 + (3.0 * b * b - 1.0) * m1);
   point.second = a * m0 + b * m1;
   return point;

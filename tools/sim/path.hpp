@@ -1,8 +1,8 @@
 // A smooth path through way-points, by arc length: where the simulated cart drives.
 //
 // The polyline is smoothed with a kernel of finite width (three box filters, so corners become curves of continuous
-// curvature) and interpolated by a natural cubic spline with evenly spaced knots. Position and its first two derivatives are
-// continuous; the parameter is arc length to about 1e-3.
+// curvature) and interpolated by a natural cubic spline with evenly spaced knots. Position and its first two
+// derivatives are continuous; the parameter is arc length to about 1e-3.
 #pragma once
 
 #include <Eigen/Core>

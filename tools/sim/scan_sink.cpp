@@ -135,8 +135,12 @@ Expected<std::unique_ptr<ScanSink>> open_sink(const std::string& path) {
 
 }  // namespace
 
-Expected<std::unique_ptr<ScanSink>> open_clf_sink(const std::string& path) { return open_sink<ClfSink>(path); }
+Expected<std::unique_ptr<ScanSink>> open_clf_sink(const std::string& path) {
+  return open_sink<ClfSink>(path);
+}
 
-Expected<std::unique_ptr<ScanSink>> open_truth_sink(const std::string& path) { return open_sink<TruthSink>(path); }
+Expected<std::unique_ptr<ScanSink>> open_truth_sink(const std::string& path) {
+  return open_sink<TruthSink>(path);
+}
 
 }  // namespace submapd::tools

@@ -25,9 +25,9 @@ class ScanSink {
   [[nodiscard]] virtual Status finish() = 0;
 };
 
-// CARMEN text log, one ROBOTLASER1 line a scan: ranges in metres with three decimals, stamps in seconds with six, angles
-// with fifteen. Both pose fields hold the odometry, 0 0 0 without any; the header line "# sweep_s S" has the time from the
-// first beam to the last. A path that ends in .gz is compressed.
+// CARMEN text log, one ROBOTLASER1 line a scan: ranges in metres with three decimals, stamps in seconds with six,
+// angles with fifteen. Both pose fields hold the odometry, 0 0 0 without any; the header line "# sweep_s S" has the
+// time from the first beam to the last. A path that ends in .gz is compressed.
 [[nodiscard]] Expected<std::unique_ptr<ScanSink>> open_clf_sink(const std::string& path);
 
 // TUM trajectory of the truth: "stamp x y z qx qy qz qw", stamps with six decimals, the rest with nine.

@@ -1,7 +1,7 @@
 // A laser scanner on a cart that drives through a world: scans with exact truth, one at a time.
 //
-// Pull interface, so that a long run needs no memory for its scans. Each beam is cast from the exact pose at its own time.
-// Noise comes from counter-based random numbers: same world, motion and options, same scans. One thread.
+// Pull interface, so that a long run needs no memory for its scans. Each beam is cast from the exact pose at its own
+// time. Noise comes from counter-based random numbers: same world, motion and options, same scans. One thread.
 #pragma once
 
 #include <cstdint>
@@ -27,22 +27,22 @@ struct SensorOptions {
   ScanGeometry geometry = utm30lx_geometry();
   int beams = 1081;
   std::int64_t period_us = 25'000;
-  bool noise = true;            // false: exact ranges, rounded to 1 mm, none missing
-  double sigma_near_m = 0.010;  // up to 10 m
-  double sigma_far_m = 0.030;   // at 30 m, linear in between
-  double bias_m = 0.0;          // added to every range
-  double missing_near = 0.001;  // share of beams without a return
-  double missing_far = 0.02;    // more of them at 30 m, with the square of the range
-  double missing_grazing = 0.5; // more of them where the beam meets the wall at 0 deg, none from 6 deg on
+  bool noise = true;             // false: exact ranges, rounded to 1 mm, none missing
+  double sigma_near_m = 0.010;   // up to 10 m
+  double sigma_far_m = 0.030;    // at 30 m, linear in between
+  double bias_m = 0.0;           // added to every range
+  double missing_near = 0.001;   // share of beams without a return
+  double missing_far = 0.02;     // more of them at 30 m, with the square of the range
+  double missing_grazing = 0.5;  // more of them where the beam meets the wall at 0 deg, none from 6 deg on
 };
 
 // Noise of a differential drive, random walks unless stated.
 struct OdometryOptions {
-  double distance_noise = 0.02;        // m per square root of a metre
-  double turn_noise_rad = 0.02;        // rad per square root of a radian turned
-  double drift_rad = 0.003;            // rad per square root of a metre
-  double distance_scale = 0.01;        // sigma of a scale error that a seed keeps for the whole run
-  double turn_scale = 0.02;            // the same for angles
+  double distance_noise = 0.02;  // m per square root of a metre
+  double turn_noise_rad = 0.02;  // rad per square root of a radian turned
+  double drift_rad = 0.003;      // rad per square root of a metre
+  double distance_scale = 0.01;  // sigma of a scale error that a seed keeps for the whole run
+  double turn_scale = 0.02;      // the same for angles
 };
 
 struct SimulatorOptions {

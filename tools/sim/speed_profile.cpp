@@ -45,8 +45,9 @@ SpeedProfile::SpeedProfile(double length, double grid_step, const std::function<
     const double duration = 2.0 * step / (before.speed + knot.speed);
     before.acceleration = (knot.speed - before.speed) / duration;
     knot.time_s = before.time_s + duration;
-    knot.integral = before.integral + duration * (before.distance + duration * (before.speed / 2.0 +
-                                                                                 duration * before.acceleration / 6.0));
+    knot.integral =
+        before.integral +
+        duration * (before.distance + duration * (before.speed / 2.0 + duration * before.acceleration / 6.0));
   }
 }
 
@@ -66,6 +67,9 @@ double SpeedProfile::integral(double time_s) const {
 }
 
 double SpeedProfile::distance(double time_s) const {
+  if (time_s >= duration_s()) {
+    return length_;  // exactly, so that a standing cart does not creep by rounding
+  }
   return std::clamp((integral(time_s) - integral(time_s - window_s_)) / window_s_, 0.0, length_);
 }
 

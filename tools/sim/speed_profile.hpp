@@ -1,9 +1,9 @@
 // Travelled distance over time from rest to rest under limits of speed, acceleration and jerk.
 //
 // First the time-optimal profile under speed limits and |a| <= a_max (a forward and a backward pass over a grid of
-// distances), then its moving average over a window T = 2 a_max / j_max in time. The average's acceleration is the mean of
-// accelerations, its jerk the difference of two of them over T: |a| <= a_max, |j| <= j_max. The limits are widened by what
-// the cart drives in T / 2 before the first step, so that the average keeps them too.
+// distances), then its moving average over a window T = 2 a_max / j_max in time. The average's acceleration is the mean
+// of accelerations, its jerk the difference of two of them over T: |a| <= a_max, |j| <= j_max. The limits are widened
+// by what the cart drives in T / 2 before the first step, so that the average keeps them too.
 #pragma once
 
 #include <functional>

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <numbers>
 #include <queue>
@@ -13,10 +14,10 @@
 namespace submapd::tools {
 namespace {
 
-constexpr double kRoom_m = 1.2;             // more clearance than this is not better
+constexpr double kRoom_m = 1.2;  // more clearance than this is not better
 constexpr double kMaxGridCells = 2.0e6;
-constexpr double kStraighten_m = 0.12;      // a way's corners that deviate less are dropped
-constexpr double kMinClearance_m = 0.3;     // of the driven path
+constexpr double kStraighten_m = 0.12;   // a way's corners that deviate less are dropped
+constexpr double kMinClearance_m = 0.3;  // of the driven path
 constexpr double kFar = std::numeric_limits<float>::infinity();
 constexpr std::uint64_t kStartStream = 0x5354415254;
 

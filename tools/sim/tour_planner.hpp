@@ -1,7 +1,7 @@
 // A tour through a floor plan that has no way-points: far corners of what the cart can reach, visited in turn.
 //
-// Free space is sampled on a grid and kept at a distance from walls. Goals are chosen farthest first, visited nearest first
-// and joined by shortest ways that prefer the middle of corridors. The same seed gives the same tour.
+// Free space is sampled on a grid and kept at a distance from walls. Goals are chosen farthest first, visited nearest
+// first and joined by shortest ways that prefer the middle of corridors. The same seed gives the same tour.
 #pragma once
 
 #include <cstdint>
@@ -22,7 +22,7 @@ struct TourOptions {
 // A closed route. Fails if no place is wide enough for the cart.
 [[nodiscard]] Expected<Route> plan_tour(const FloorPlan& plan, const TourOptions& options);
 
-// Smallest distance to a wall along a motion, sampled every 5 cm of time at 1 m/s (50 ms); limit_m if none is nearer.
+// Smallest distance to a wall along a motion, sampled every 50 ms; limit_m if none is nearer.
 [[nodiscard]] double min_clearance(const World& world, const Motion& motion, double limit_m);
 
 }  // namespace submapd::tools

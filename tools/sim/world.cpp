@@ -7,11 +7,13 @@
 namespace submapd::tools {
 namespace {
 
-constexpr double kSlack_m = 1e-6;      // cells list walls this far outside them, so that rounding never loses a hit
-constexpr double kMaxCells = 4.0e6;    // bound of the grid's memory
+constexpr double kSlack_m = 1e-6;    // cells list walls this far outside them, so that rounding never loses a hit
+constexpr double kMaxCells = 4.0e6;  // bound of the grid's memory
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-double cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }
+double cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
+  return a.x() * b.y() - a.y() * b.x();
+}
 
 }  // namespace
 

@@ -1,7 +1,8 @@
 // A world of straight walls that the simulator's laser sees: exact ray casting and clearance.
 //
 // Metres, any frame. A uniform grid of cells lists the walls that touch each cell; a ray walks the cells it crosses
-// (Amanatides and Woo 1987) and stops at the first cell whose nearest hit lies inside it. Immutable: any thread may ask.
+// (Amanatides and Woo 1987) and stops at the first cell whose nearest hit lies inside it. Immutable: any thread may
+// ask.
 #pragma once
 
 #include <Eigen/Core>
@@ -18,8 +19,8 @@ struct Segment {
 
 struct RayHit {
   double range_m = 0.0;
-  std::uint32_t segment = 0;      // index into World::segments()
-  double cos_incidence = 0.0;     // 1: the wall is met head on; 0: grazing
+  std::uint32_t segment = 0;   // index into World::segments()
+  double cos_incidence = 0.0;  // 1: the wall is met head on; 0: grazing
 };
 
 // Distance along the ray from origin in the unit vector direction to the segment, nothing if they do not meet.

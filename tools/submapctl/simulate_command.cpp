@@ -81,8 +81,8 @@ Expected<Route> read_route(const std::string& path) {
 
 Expected<Scene> make_scene(const SimulateArguments& arguments) {
   const bool office = arguments.world == "office";
-  Expected<FloorPlan> plan = office ? FloorPlan{office_world(), World({}), {}}
-                                    : load_floor_plan(arguments.world, arguments.resolution_m);
+  Expected<FloorPlan> plan =
+      office ? FloorPlan{office_world(), World({}), {}} : load_floor_plan(arguments.world, arguments.resolution_m);
   if (!plan) {
     return failure(plan.error());
   }
@@ -132,7 +132,8 @@ int simulate(const SimulateArguments& arguments) {
     return report(status);
   }
   fmt::print("{}.{}: {} scans, {:.1f} s, {:.1f} m of way, {} walls, seed {}\n", arguments.out, arguments.format,
-             simulator.scan_count(), cart->duration_s(), cart->length_m(), scene->world->segments().size(), arguments.seed);
+             simulator.scan_count(), cart->duration_s(), cart->length_m(), scene->world->segments().size(),
+             arguments.seed);
   return 0;
 }
 
@@ -141,13 +142,15 @@ int simulate(const SimulateArguments& arguments) {
 void register_simulate(CLI::App& app, CommandRun& run) {
   auto arguments = std::make_shared<SimulateArguments>();
   CLI::App* command = app.add_subcommand("simulate", "Write the log and the truth of a simulated run");
-  command->add_option("world", arguments->world, "office, or a file of walls .csv or a grey map .pgm, .pgm.gz")->required();
+  command->add_option("world", arguments->world, "office, or a file of walls .csv or a grey map .pgm, .pgm.gz")
+      ->required();
   command->add_option("--out", arguments->out, "Prefix of the files written: PREFIX.clf and PREFIX.truth.tum")
       ->required();
   command->add_option("--resolution", arguments->resolution_m, "Metres a cell of a grey map")
       ->check(CLI::Range(0.001, 10.0))
       ->capture_default_str();
-  command->add_option("--waypoints", arguments->waypoints, "File of way-points, x,y a line; without it a tour is planned");
+  command->add_option("--waypoints", arguments->waypoints,
+                      "File of way-points, x,y a line; without it a tour is planned");
   command->add_option("--seed", arguments->seed, "Seed of all noise")->capture_default_str();
   command->add_option("--minutes", arguments->minutes, "Duration; the tour is repeated or cut; without it, one tour")
       ->check(CLI::Range(0.1, 1440.0));

@@ -58,7 +58,7 @@ TEST(Pgm, RefusesDamage) {
   for (const std::string& damaged :
        {""s, "P6 1 1 255\n\x00"s, "P5"s, "P5 2"s, "P5 2 2 255\n\x00\x00\x00"s, "P5 0 2 255\n"s, "P5 -2 2 255\n\x00"s,
         "P5 2 2 65535\n\x00\x00\x00\x00"s, "P5 20000 20000 255\n\x00"s, "P5 99999999999 1 255\n\x00"s,
-        "P2 2 1 255\n1 x   "s, "P2 2 1 255\n1 256 "s, "P5 1 1 100\n\xff"s, "P5 2 2 255 # never ends"s}) {
+        "P2 2 1 255\n1 x   "s, "P2 2 1 255\n1 256 "s, "P5 1 1 100\n\xff"s, "P5 2 2 # never ends"s}) {
     const auto map = parse_pgm(damaged, "map.pgm", 0.05);
     ASSERT_FALSE(map) << damaged;
     EXPECT_EQ(map.error().code(), StatusCode::kCorrupt);
@@ -97,8 +97,8 @@ TEST(Outline, SurroundsCellsWithJoinedRuns) {
 
 // Two rooms of 8 x 6 m joined by a door of 1.2 m, as walls.
 std::vector<Segment> two_rooms() {
-  return {{{0, 0}, {16, 0}},  {{16, 0}, {16, 6}}, {{16, 6}, {0, 6}},
-          {{0, 6}, {0, 0}},   {{8, 0}, {8, 2.4}}, {{8, 3.6}, {8, 6}}};
+  return {{{0, 0}, {16, 0}}, {{16, 0}, {16, 6}}, {{16, 6}, {0, 6}},
+          {{0, 6}, {0, 0}},  {{8, 0}, {8, 2.4}}, {{8, 3.6}, {8, 6}}};
 }
 
 TEST(TourPlanner, VisitsBothRoomsAndKeepsClear) {

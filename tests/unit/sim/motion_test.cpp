@@ -14,10 +14,10 @@ namespace {
 
 struct Extremes {
   double speed = 0.0;
-  double along = 0.0;         // acceleration along the way, m/s^2
-  double jerk = 0.0;          // along the way, m/s^3
-  double lateral = 0.0;       // m/s^2
-  double yaw_rate = 0.0;      // rad/s
+  double along = 0.0;          // acceleration along the way, m/s^2
+  double jerk = 0.0;           // along the way, m/s^3
+  double lateral = 0.0;        // m/s^2
+  double yaw_rate = 0.0;       // rad/s
   double yaw_rate_step = 0.0;  // largest change of the yaw rate within 2 ms, rad/s
   double velocity_step = 0.0;  // largest change of the velocity vector within 2 ms, m/s
 };

@@ -13,7 +13,9 @@
 namespace submapd::tools {
 namespace {
 
-Eigen::Vector2d direction(double yaw_rad) { return {std::cos(yaw_rad), std::sin(yaw_rad)}; }
+Eigen::Vector2d direction(double yaw_rad) {
+  return {std::cos(yaw_rad), std::sin(yaw_rad)};
+}
 
 std::optional<double> brute_force(const World& world, const Eigen::Vector2d& origin, const Eigen::Vector2d& along,
                                   double range_max_m) {
