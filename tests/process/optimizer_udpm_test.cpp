@@ -29,7 +29,7 @@ class OptimizerUdpmTest : public testing::Test {
 };
 
 TEST_F(OptimizerUdpmTest, PacedChunksArriveAndGoInOrder) {
-  rig.options.lost_after = std::chrono::seconds(20);  // this test wants them over LCM
+  rig.options.lost_after = std::chrono::seconds(5);  // this test wants them over LCM
   rig.start();
   for (std::uint32_t i = 0; i < 20; ++i) {
     ASSERT_TRUE(rig.save_and_send(i));

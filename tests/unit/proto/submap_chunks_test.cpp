@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "proto/lcm_message.hpp"
@@ -102,7 +103,9 @@ TEST(SubmapChunks, EveryFlippedByteIsNoticedOrLeavesTheDataAsItWas) {
     std::vector<std::byte> damaged = message;
     damaged[i] ^= std::byte{0x40};
     const std::optional<ChunkAssembler::Complete> complete = assembler().add(damaged);
-    if (complete) EXPECT_EQ(complete->raw, raw) << "byte " << i;
+    if (complete) {
+      EXPECT_EQ(complete->raw, raw) << "byte " << i;
+    }
   }
 }
 
