@@ -16,6 +16,8 @@ namespace submapd::internal {
 namespace {
 
 constexpr double kThinning_m = 0.10;
+constexpr double kCoarserThinning = 1.3;  // and again, until the points are few enough
+constexpr std::size_t kMaxPoints = 800;
 constexpr double kOuterShare = 0.95;
 constexpr int kBins = 360;
 constexpr int kMaxPeaks = 8;
@@ -53,16 +55,21 @@ Histogram correlation(const Histogram& a, const Histogram& b) {
 }  // namespace
 
 std::vector<Eigen::Vector2d> thinned_points(const SurfaceIndex& surface) {
-  std::set<std::pair<std::int64_t, std::int64_t>> taken;
   std::vector<Eigen::Vector2d> points;
-  for (const SurfaceElement& element : surface.elements()) {
-    const std::pair cell{static_cast<std::int64_t>(std::floor(element.mean.x() / kThinning_m)),
-                         static_cast<std::int64_t>(std::floor(element.mean.y() / kThinning_m))};
-    if (taken.insert(cell).second) {
-      points.push_back(element.mean);
+  for (double side_m = kThinning_m;; side_m *= kCoarserThinning) {
+    std::set<std::pair<std::int64_t, std::int64_t>> taken;
+    points.clear();
+    for (const SurfaceElement& element : surface.elements()) {
+      const std::pair cell{static_cast<std::int64_t>(std::floor(element.mean.x() / side_m)),
+                           static_cast<std::int64_t>(std::floor(element.mean.y() / side_m))};
+      if (taken.insert(cell).second) {
+        points.push_back(element.mean);
+      }
+    }
+    if (points.size() <= kMaxPoints) {
+      return points;
     }
   }
-  return points;
 }
 
 double outer_radius_m(const std::vector<Eigen::Vector2d>& points) {

@@ -9,7 +9,7 @@
 
 namespace submapd::internal {
 
-// Surface means, at most one in each 10 cm cell.
+// Surface means, at most one in each 10 cm cell, in larger cells if that leaves more than 800.
 [[nodiscard]] std::vector<Eigen::Vector2d> thinned_points(const SurfaceIndex& surface);
 
 // Distance from the origin within which 95 % of the points lie. REQUIRES: not empty.

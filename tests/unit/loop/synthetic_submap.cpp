@@ -2,8 +2,10 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
+#include <memory>
 #include <numbers>
 #include <utility>
 
@@ -63,7 +65,7 @@ struct Statistics {
 class Builder {
  public:
   void hit(const Eigen::Vector2d& point, const Eigen::Vector2d& scanner, std::int64_t scan) {
-    Counts& counts = cells_[cell_of_point(point, kCell_m)];
+    Counts& counts = counts_at(point);
     if (counts.last_scan != scan || !counts.hit_in_last) {
       ++counts.occupied;
     }
@@ -85,7 +87,7 @@ class Builder {
   void clear(const Eigen::Vector2d& from, double angle_rad, double range_m, std::int64_t scan) {
     const Eigen::Vector2d direction(std::cos(angle_rad), std::sin(angle_rad));
     for (double range = 0.0; range < range_m; range += 0.8 * kCell_m) {
-      Counts& counts = cells_[cell_of_point(from + range * direction, kCell_m)];
+      Counts& counts = counts_at(from + range * direction);
       if (counts.last_scan != scan) {
         ++counts.free;
         counts.last_scan = scan;
@@ -95,19 +97,18 @@ class Builder {
   }
 
   [[nodiscard]] std::vector<OccupancyBlock> blocks() const {
-    std::map<Cell, OccupancyBlock> blocks;
-    for (const auto& [cell, counts] : cells_) {
-      const int by = cell.first >> 6;
-      const int bx = cell.second >> 6;
-      OccupancyBlock& block = blocks[{by, bx}];
-      block.by = by;
-      block.bx = bx;
-      const double odds = std::exp(counts.occupied * kLogOccupied + counts.free * kLogFree);
-      block.cells[static_cast<std::size_t>(((cell.first & 63) << 6) | (cell.second & 63))] =
-          cell_of(odds / (1.0 + odds));
-    }
     std::vector<OccupancyBlock> sorted;
-    for (const auto& [place, block] : blocks) {
+    for (const auto& [place, counts] : cells_) {
+      OccupancyBlock block;
+      block.by = place.first;
+      block.bx = place.second;
+      for (std::size_t i = 0; i < counts->size(); ++i) {
+        const Counts& cell = (*counts)[i];
+        if (cell.last_scan >= 0) {
+          const double odds = std::exp(cell.occupied * kLogOccupied + cell.free * kLogFree);
+          block.cells[i] = cell_of(odds / (1.0 + odds));
+        }
+      }
       sorted.push_back(block);
     }
     return sorted;
@@ -158,7 +159,25 @@ class Builder {
     return point;
   }
 
-  std::map<Cell, Counts> cells_;
+  using BlockCounts = std::array<Counts, static_cast<std::size_t>(kBlockCells) * kBlockCells>;
+
+  Counts& counts_at(const Eigen::Vector2d& point) {
+    const Cell cell = cell_of_point(point, kCell_m);
+    const Cell place{cell.first >> 6, cell.second >> 6};
+    if (last_ == nullptr || place != last_place_) {
+      std::unique_ptr<BlockCounts>& counts = cells_[place];
+      if (!counts) {
+        counts = std::make_unique<BlockCounts>();
+      }
+      last_ = counts.get();
+      last_place_ = place;
+    }
+    return (*last_)[static_cast<std::size_t>(((cell.first & 63) << 6) | (cell.second & 63))];
+  }
+
+  std::map<Cell, std::unique_ptr<BlockCounts>> cells_;  // by block
+  BlockCounts* last_ = nullptr;                         // where the last look-up ended: most stay in a block
+  Cell last_place_;
   std::map<Cell, Statistics> surface_;
 };
 
