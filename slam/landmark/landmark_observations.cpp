@@ -18,11 +18,6 @@ double bearing_margin(const Keyframe& keyframe, double range_m) {
   return std::atan2(kBeamNear_m + moved_m, range_m) + turned + std::abs(keyframe.geometry.angle_step_rad);
 }
 
-bool shares(const FinishedSubmap& submap, std::uint64_t scan_index) {
-  return std::any_of(submap.keyframes.begin(), submap.keyframes.end(),
-                     [&](const Keyframe& keyframe) { return keyframe.scan_index == scan_index; });
-}
-
 // `count` of `from`, evenly spread, first and last included where there are two.
 std::vector<std::uint32_t> spread(const std::vector<std::uint32_t>& from, std::size_t count) {
   if (from.size() <= count) {
@@ -36,6 +31,12 @@ std::vector<std::uint32_t> spread(const std::vector<std::uint32_t>& from, std::s
 }
 
 }  // namespace
+
+bool has_scan(const FinishedSubmap& submap, std::uint64_t scan_index) {
+  const auto place = std::lower_bound(submap.keyframes.begin(), submap.keyframes.end(), scan_index,
+                                      [](const Keyframe& k, std::uint64_t index) { return k.scan_index < index; });
+  return place != submap.keyframes.end() && place->scan_index == scan_index;
+}
 
 bool sees(const Keyframe& keyframe, const Eigen::Vector2d& place, double max_range_m) {
   const ScanGeometry& geometry = keyframe.geometry;
@@ -80,7 +81,7 @@ std::vector<LandmarkObservation> observe(const LandmarkSide& side, int count, do
   for (std::uint32_t i = 0; i < side.submap.keyframes.size(); ++i) {
     const Keyframe& keyframe = side.submap.keyframes[i];
     if (sees(keyframe, side.place, max_range_m)) {
-      (shares(side.other, keyframe.scan_index) ? shared : unshared).push_back(i);
+      (has_scan(side.other, keyframe.scan_index) ? shared : unshared).push_back(i);
     }
   }
   const auto wanted = static_cast<std::size_t>(std::max(1, count));

@@ -14,6 +14,9 @@ namespace submapd {
 // by the measurement itself.
 [[nodiscard]] bool sees(const Keyframe& keyframe, const Eigen::Vector2d& place, double max_range_m);
 
+// Whether one of the sub-map's key-frames is this scan.
+[[nodiscard]] bool has_scan(const FinishedSubmap& submap, std::uint64_t scan_index);
+
 // The side of a landmark that one sub-map shows.
 struct LandmarkSide {
   const FinishedSubmap& submap;

@@ -101,12 +101,11 @@ TEST(ChooseLandmarks, HoldBothDirectionsAndTheTurnTogether) {
   }
   const Eigen::Matrix3d covariance = information.inverse();
   EXPECT_LT(std::sqrt(covariance(2, 2)), 0.0035);  // 0.2 deg
-  EXPECT_GT(information.determinant(), 0.0);
 }
 
 TEST(ChooseLandmarks, ShowARealMisalignment) {
-  // A cabinet that was pushed by 6 cm between the visits: its landmark says so, the others do not.
-  Pair pair(kBackwards, SyntheticSensor::dense());
+  // The match is told 5 cm wrong; b's own map must show it.
+  const Pair pair(kBackwards, SyntheticSensor::dense());
   SubmapMatch shifted = pair.match;
   shifted.a_from_b.x += 0.05;
   const auto landmarks = choose_landmarks(pair.a, pair.b, shifted, LandmarkOptions{});
@@ -142,7 +141,7 @@ TEST(ChooseLandmarks, PreferKeyframesThatTheOtherDoesNotShare) {
       ++(is_shared ? shared : unshared);
     }
   }
-  EXPECT_GT(unshared, 2 * shared);
+  EXPECT_GT(unshared, 4 * shared);
 }
 
 TEST(ChooseLandmarks, TwoCallsGiveTheSameBits) {
