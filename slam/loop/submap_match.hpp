@@ -11,7 +11,7 @@ namespace submapd {
 // Why a candidate was refused (design notes 9.2), or that it was not.
 enum class MatchVerdict : std::uint8_t {
   kAccepted,
-  kNoPeak,         // branch and bound found nothing above the score threshold
+  kNoPeak,  // branch and bound found nothing above the score threshold
   kLowScore,
   kSmallOverlap,
   kContradiction,  // one has looked through what the other holds occupied
@@ -25,11 +25,11 @@ struct SubmapMatch {
   std::uint32_t b = 0;
   Pose2 a_from_b;
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  // of a_from_b's (x, y, yaw), in a's frame
-  double score = 0.0;          // share of overlapping surface points that fit, [0, 1]
-  double overlap_m2 = 0.0;     // area known to both
-  double overlap_share = 0.0;  // of the smaller sub-map's known area
+  double score = 0.0;                                    // share of overlapping surface points that fit, [0, 1]
+  double overlap_m2 = 0.0;                               // area known to both
+  double overlap_share = 0.0;                            // of the smaller sub-map's known area
   double contradiction = 0.0;  // share of occupied cells the other saw as free, both directions
-  double second_peak = 0.0;    // score of the best distinct placement relative to the best
+  double second_peak = 0.0;    // score of the best distinct placement relative to the best; 0: none above the limit
   bool weak = false;           // one direction is poorly constrained; its covariance says so
   MatchVerdict verdict = MatchVerdict::kNoPeak;
 };

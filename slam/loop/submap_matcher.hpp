@@ -15,19 +15,21 @@ struct MatchPrior {
 };
 
 struct SubmapMatcherOptions {
-  double min_window_m = 1.0;                  // half width of the search window at least
-  double min_window_rad = 0.0873;             // 5 deg
+  double min_window_m = 1.0;       // half width of the search window at least
+  double min_window_rad = 0.0873;  // 5 deg
   double max_window_m = 15.0;
   double max_window_rad = 3.1416;
-  double min_score = 0.60;                    // of overlapping surface points
+  double min_score = 0.60;  // of overlapping surface points
   double min_overlap_m2 = 25.0;
-  double min_overlap_share = 0.25;            // of the smaller
+  double min_overlap_share = 0.25;  // of the smaller
   double max_contradiction = 0.06;
   double max_second_peak = 0.80;
   double max_asymmetry_m = 0.03;
-  double max_asymmetry_rad = 0.0052;          // 0.3 deg
-  double gate_chi2 = 16.27;                   // three degrees of freedom, 99.9 %
-  double information_inflation = 30.0;        // kappa: neighbouring beams are correlated (notes 5.4)
+  double max_asymmetry_rad = 0.0052;    // 0.3 deg
+  double gate_chi2 = 16.27;             // three degrees of freedom, 99.9 %
+  double information_inflation = 30.0;  // kappa: neighbouring beams are correlated (notes 5.4)
+  double floor_sigma_m = 0.005;         // of every match, at the middle of the overlap: drift inside the sub-maps
+  double floor_sigma_rad = 0.0009;      // 0.05 deg
 };
 
 // Stateless but for options: deterministic, callable from any one thread at a time.
@@ -40,8 +42,8 @@ class SubmapMatcher {
   [[nodiscard]] SubmapMatch search(const FinishedSubmap& a, const FinishedSubmap& b, const MatchPrior& prior) const;
 
   // For sub-maps whose relative pose is known to a few centimetres (adjacent ones): refinement from `start` only, no
-  // branch and bound, no second-peak test; falls back to `start` with verdict kLowScore when the refinement leaves it by
-  // more than 0.3 m or 3 deg.
+  // branch and bound, no second-peak test; falls back to `start` with verdict kLowScore when the refinement leaves it
+  // by more than 0.3 m or 3 deg.
   [[nodiscard]] SubmapMatch refine(const FinishedSubmap& a, const FinishedSubmap& b, const Pose2& start) const;
 
  private:

@@ -20,7 +20,9 @@ struct SubmapOutline {
   Eigen::Vector2d centre = Eigen::Vector2d::Zero();  // of the known area, m
   double radius_m = 0.0;                             // about the centre, 95 % of the known area
   std::array<float, 360> normal_histogram{};         // surface length by normal direction, sums to 1
-  [[nodiscard]] double known_area_m2() const { return static_cast<double>(known.size()) * coarse_cell_m * coarse_cell_m; }
+  [[nodiscard]] double known_area_m2() const {
+    return static_cast<double>(known.size()) * coarse_cell_m * coarse_cell_m;
+  }
 };
 
 [[nodiscard]] SubmapOutline make_outline(const FinishedSubmap& submap);

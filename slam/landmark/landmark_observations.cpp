@@ -1,0 +1,109 @@
+#include "slam/landmark/landmark_observations.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <numbers>
+
+namespace submapd {
+namespace {
+
+constexpr double kBeamNear_m = 0.15;
+constexpr std::size_t kFewestUnshared = 2;  // with fewer, shared key-frames fill up
+
+// Bearings a beam that ends near the spot can have: the spot's size, plus what the cart turns during the sweep.
+double bearing_margin(const Keyframe& keyframe, double range_m) {
+  const double moved_m = keyframe.geometry.sweep_s * std::hypot(keyframe.twist.vx, keyframe.twist.vy);
+  const double turned = keyframe.geometry.sweep_s * std::abs(keyframe.twist.wz);
+  return std::atan2(kBeamNear_m + moved_m, range_m) + turned + std::abs(keyframe.geometry.angle_step_rad);
+}
+
+// `count` of `from`, evenly spread, first and last included where there are two.
+std::vector<std::uint32_t> spread(const std::vector<std::uint32_t>& from, std::size_t count) {
+  if (from.size() <= count) {
+    return from;
+  }
+  std::vector<std::uint32_t> chosen;
+  for (std::size_t i = 0; i < count; ++i) {
+    chosen.push_back(count == 1 ? from[from.size() / 2] : from[i * (from.size() - 1) / (count - 1)]);
+  }
+  return chosen;
+}
+
+}  // namespace
+
+bool has_scan(const FinishedSubmap& submap, std::uint64_t scan_index) {
+  const auto place = std::lower_bound(submap.keyframes.begin(), submap.keyframes.end(), scan_index,
+                                      [](const Keyframe& k, std::uint64_t index) { return k.scan_index < index; });
+  return place != submap.keyframes.end() && place->scan_index == scan_index;
+}
+
+bool sees(const Keyframe& keyframe, const Eigen::Vector2d& place, double max_range_m) {
+  const ScanGeometry& geometry = keyframe.geometry;
+  const Eigen::Vector2d in_base = transform(inverse(keyframe.pose), place);
+  const Eigen::Vector2d in_sensor = transform(inverse(geometry.base_from_sensor), in_base);
+  const double range = in_sensor.norm();
+  if (range > max_range_m || range < geometry.range_min_m || keyframe.ranges_mm.empty() ||
+      geometry.angle_step_rad == 0.0) {
+    return false;
+  }
+  const double last_beam = static_cast<double>(keyframe.ranges_mm.size() - 1);
+  const double tau_step = last_beam > 0.0 ? geometry.sweep_s / last_beam : 0.0;
+  const double bearing = std::atan2(in_sensor.y(), in_sensor.x());
+  const double margin = bearing_margin(keyframe, range);
+  // The sweep may cross +-180 deg: try the bearing a turn either way too.
+  for (int turn = -1; turn <= 1; ++turn) {
+    const double middle =
+        (bearing + 2.0 * std::numbers::pi * turn - geometry.first_angle_rad) / geometry.angle_step_rad;
+    const double reach = margin / std::abs(geometry.angle_step_rad);
+    const double first = std::max(0.0, std::ceil(middle - reach));
+    const double last = std::min(last_beam, std::floor(middle + reach));
+    for (double beam = first; beam <= last; beam += 1.0) {
+      const double measured = 1e-3 * keyframe.ranges_mm[static_cast<std::size_t>(beam)];
+      // Moving during the sweep changes a range by less than the margin below; the exact test follows.
+      if (measured < geometry.range_min_m || measured > geometry.range_max_m || std::abs(measured - range) > 0.5) {
+        continue;
+      }
+      const double angle = geometry.first_angle_rad + beam * geometry.angle_step_rad;
+      const Eigen::Vector2d end = measured * Eigen::Vector2d(std::cos(angle), std::sin(angle));
+      const Pose2 base_at_beam = exp_twist(keyframe.twist, beam * tau_step);
+      if ((transform(base_at_beam, transform(geometry.base_from_sensor, end)) - in_base).norm() <= kBeamNear_m) {
+        return true;
+      }
+    }
+  }
+  return false;
+}
+
+std::vector<LandmarkObservation> observe(const LandmarkSide& side, int count, double max_range_m) {
+  std::vector<std::uint32_t> unshared;
+  std::vector<std::uint32_t> shared;
+  for (std::uint32_t i = 0; i < side.submap.keyframes.size(); ++i) {
+    const Keyframe& keyframe = side.submap.keyframes[i];
+    if (sees(keyframe, side.place, max_range_m)) {
+      (has_scan(side.other, keyframe.scan_index) ? shared : unshared).push_back(i);
+    }
+  }
+  const auto wanted = static_cast<std::size_t>(std::max(1, count));
+  std::vector<std::uint32_t> chosen = spread(unshared, wanted);
+  if (chosen.size() < kFewestUnshared) {
+    const std::vector<std::uint32_t> more = spread(shared, wanted - std::min(wanted, chosen.size()));
+    chosen.insert(chosen.end(), more.begin(), more.end());
+    std::sort(chosen.begin(), chosen.end());
+  }
+  std::vector<LandmarkObservation> observations;
+  for (const std::uint32_t i : chosen) {
+    const Pose2& pose = side.submap.keyframes[i].pose;
+    const Eigen::Matrix2d to_keyframe = rotation(pose.yaw).transpose();
+    LandmarkObservation observation;
+    observation.submap = side.submap.id.index;
+    observation.keyframe = i;
+    observation.z = to_keyframe * (side.place - pose.translation());
+    observation.covariance =
+        static_cast<double>(chosen.size()) * (to_keyframe * side.covariance * to_keyframe.transpose());
+    observations.push_back(observation);
+  }
+  return observations;
+}
+
+}  // namespace submapd

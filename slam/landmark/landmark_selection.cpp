@@ -1,0 +1,117 @@
+#include "slam/landmark/landmark_selection.hpp"
+
+#include <algorithm>
+#include <cstddef>
+#include <optional>
+#include <utility>
+
+#include "slam/landmark/landmark_candidates.hpp"
+#include "slam/landmark/landmark_observations.hpp"
+#include "slam/loop/cell_plane.hpp"
+#include "slam/loop/surface_index.hpp"
+
+namespace submapd {
+namespace {
+
+constexpr std::size_t kEnoughLandmarks = 4;  // up to here those that repeat shared scans fill up
+constexpr double kMaxResidual_m = 0.03;
+constexpr double kMaxResidualSparse_m = 0.05;
+constexpr double kSparseStep_rad = 0.0131;  // 0.75 deg between beams, such scanners also count in centimetres
+
+double max_residual_m(const FinishedSubmap& submap) {
+  const bool sparse = !submap.keyframes.empty() && submap.keyframes.front().geometry.angle_step_rad > kSparseStep_rad;
+  return sparse ? kMaxResidualSparse_m : kMaxResidual_m;
+}
+
+// Both sides of the pair, prepared once.
+struct Pair {
+  const FinishedSubmap& a;
+  const FinishedSubmap& b;
+  const SurfaceIndex& surface_a;
+  const SurfaceIndex& surface_b;
+  const Pose2& a_from_b;
+  const LandmarkOptions& options;
+};
+
+// The candidate with its place in b and its observations; nothing if b shows something else or a side does not see it.
+std::optional<VirtualLandmark> make_landmark(const Pair& pair, const LandmarkCandidate& candidate) {
+  const double residual_m = std::max(max_residual_m(pair.a), max_residual_m(pair.b));
+  const auto in_b = refine_place(candidate, pair.surface_a, pair.surface_b, pair.a_from_b, residual_m, pair.options);
+  if (!in_b) {
+    return std::nullopt;
+  }
+  const int count = pair.options.observations_per_side;
+  const double range_m = pair.options.max_range_m;
+  VirtualLandmark landmark;
+  landmark.a = pair.a.id.index;
+  landmark.b = pair.b.id.index;
+  landmark.in_a = candidate.place;
+  landmark.in_b = in_b->place;
+  landmark.covariance_a = candidate.covariance;
+  landmark.covariance_b = in_b->covariance;
+  landmark.observations = observe({pair.a, pair.b, candidate.place, candidate.covariance}, count, range_m);
+  const auto from_b = observe({pair.b, pair.a, in_b->place, in_b->covariance}, count, range_m);
+  if (landmark.observations.empty() || from_b.empty()) {
+    return std::nullopt;
+  }
+  landmark.observations.insert(landmark.observations.end(), from_b.begin(), from_b.end());
+  return landmark;
+}
+
+// Whether each side has an observation from a key-frame of its own. One seen by shared key-frames only repeats what
+// they tie together already.
+bool tells_something_new(const VirtualLandmark& landmark, const Pair& pair) {
+  const auto fresh_from = [&](const FinishedSubmap& submap, const FinishedSubmap& other) {
+    return std::any_of(
+        landmark.observations.begin(), landmark.observations.end(), [&](const LandmarkObservation& seen) {
+          return seen.submap == submap.id.index && !has_scan(other, submap.keyframes[seen.keyframe].scan_index);
+        });
+  };
+  return fresh_from(pair.a, pair.b) && fresh_from(pair.b, pair.a);
+}
+
+}  // namespace
+
+std::vector<VirtualLandmark> choose_landmarks(const FinishedSubmap& a, const FinishedSubmap& b,
+                                              const SubmapMatch& match, const LandmarkOptions& options) {
+  std::vector<VirtualLandmark> landmarks;
+  const std::optional<CellPlane> plane_a = CellPlane::make(a);
+  if (!plane_a) {
+    return landmarks;
+  }
+  const SurfaceIndex surface_a(a);
+  const SurfaceIndex surface_b(b);
+  const std::vector<LandmarkCandidate> candidates =
+      find_candidates(a, *plane_a, surface_a, surface_b, match.a_from_b, options);
+  const Pair pair{a, b, surface_a, surface_b, match.a_from_b, options};
+  const auto most = static_cast<std::size_t>(std::max(0, options.max_landmarks));
+  std::vector<VirtualLandmark> repeating;  // would hold, but tell little
+  GreedyChoice choice(candidates, options.min_spacing_m);
+  while (landmarks.size() < most) {
+    const std::optional<std::size_t> offered = choice.next();
+    if (!offered) {
+      break;
+    }
+    std::optional<VirtualLandmark> landmark = make_landmark(pair, candidates[*offered]);
+    if (!landmark) {
+      continue;
+    }
+    if (tells_something_new(*landmark, pair)) {
+      landmarks.push_back(std::move(*landmark));
+      choice.keep();
+    } else {
+      repeating.push_back(std::move(*landmark));
+    }
+  }
+  for (VirtualLandmark& landmark : repeating) {
+    const bool apart = std::all_of(landmarks.begin(), landmarks.end(), [&](const VirtualLandmark& kept) {
+      return (kept.in_a - landmark.in_a).norm() >= options.min_spacing_m;
+    });
+    if (landmarks.size() < std::min(most, kEnoughLandmarks) && apart) {
+      landmarks.push_back(std::move(landmark));
+    }
+  }
+  return landmarks;
+}
+
+}  // namespace submapd

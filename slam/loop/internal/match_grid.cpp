@@ -1,0 +1,145 @@
+#include "slam/loop/internal/match_grid.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace submapd::internal {
+namespace {
+
+constexpr int kKernelRadius = 5;     // cells; beyond it the score rounds to nothing
+constexpr double kScoreSigma = 1.5;  // cells
+constexpr int kKernelSide = 2 * kKernelRadius + 1;
+
+std::array<std::uint8_t, kKernelSide * kKernelSide> score_kernel() {
+  std::array<std::uint8_t, kKernelSide * kKernelSide> kernel{};
+  for (int y = -kKernelRadius; y <= kKernelRadius; ++y) {
+    for (int x = -kKernelRadius; x <= kKernelRadius; ++x) {
+      const double score = 255.0 * std::exp(-static_cast<double>(x * x + y * y) / (2.0 * kScoreSigma * kScoreSigma));
+      kernel[static_cast<std::size_t>((y + kKernelRadius) * kKernelSide + x + kKernelRadius)] =
+          static_cast<std::uint8_t>(score + 0.5);
+    }
+  }
+  return kernel;
+}
+
+}  // namespace
+
+// Stamping the kernel with max is the exact truncated distance transform: the score falls with the distance alone.
+MatchGrid::Level MatchGrid::score_plane(const CellPlane& plane, const SurfaceIndex& surface) {
+  static const auto kKernel = score_kernel();
+  std::vector<std::uint8_t> occupied(static_cast<std::size_t>(plane.width()) *
+                                     static_cast<std::size_t>(plane.height()));
+  for (int y = 0; y < plane.height(); ++y) {
+    for (int x = 0; x < plane.width(); ++x) {
+      occupied[static_cast<std::size_t>(y * plane.width() + x)] = plane.kind(x, y) == CellKind::kOccupied ? 1 : 0;
+    }
+  }
+  for (const SurfaceElement& element : surface.elements()) {
+    const Eigen::Vector2i cell = plane.cell_at(element.mean);
+    if (cell.x() >= 0 && cell.y() >= 0 && cell.x() < plane.width() && cell.y() < plane.height()) {
+      occupied[static_cast<std::size_t>(cell.y() * plane.width() + cell.x())] = 1;
+    }
+  }
+  Level level;
+  level.bias = kKernelRadius;
+  level.width = plane.width() + 2 * kKernelRadius;
+  level.height = plane.height() + 2 * kKernelRadius;
+  level.values.assign(static_cast<std::size_t>(level.width) * static_cast<std::size_t>(level.height), 0);
+  for (int y = 0; y < plane.height(); ++y) {
+    for (int x = 0; x < plane.width(); ++x) {
+      if (occupied[static_cast<std::size_t>(y * plane.width() + x)] == 0) {
+        continue;
+      }
+      for (int ky = 0; ky < kKernelSide; ++ky) {
+        std::uint8_t* row = &level.values[static_cast<std::size_t>((y + ky) * level.width + x)];
+        const std::uint8_t* stamp = &kKernel[static_cast<std::size_t>(ky * kKernelSide)];
+        for (int kx = 0; kx < kKernelSide; ++kx) {
+          row[kx] = std::max(row[kx], stamp[kx]);
+        }
+      }
+    }
+  }
+  return level;
+}
+
+// Entry k of the coarser level bounds [k s, k s + 2^h + s) (s = stride > 1) or [k, k + 2^h) (s = 1), as the maximum
+// over entries of the finer one whose ranges join to exactly that: two of them, three on the step from exact to
+// strided.
+MatchGrid::Level MatchGrid::coarser(const Level& fine, int level) {
+  constexpr int kStrided = 3;  // first level that is
+  Level coarse;
+  coarse.shift = std::max(0, level - (kStrided - 1));
+  const int halving = coarse.shift - fine.shift;  // 0 or 1
+  std::array<int, 3> steps{};                     // in finer entries, from where the coarse one starts
+  if (level < kStrided) {
+    steps = {0, 1 << (level - 1), 1 << (level - 1)};
+  } else if (level == kStrided) {
+    steps = {0, 4, 6};
+  } else {
+    steps = {0, 5, 5};
+  }
+  // Finer columns are stored from -bias on; the coarse range must begin early enough to reach the first of them.
+  coarse.bias = (fine.bias + steps[2] + (1 << halving) - 1) >> halving;
+  const int fine_end_x = fine.width - fine.bias;
+  const int fine_end_y = fine.height - fine.bias;
+  coarse.width = coarse.bias + ((fine_end_x + halving) >> halving);
+  coarse.height = coarse.bias + ((fine_end_y + halving) >> halving);
+
+  std::vector<std::uint8_t> rows(static_cast<std::size_t>(coarse.width) * static_cast<std::size_t>(fine.height));
+  for (int y = 0; y < fine.height; ++y) {
+    for (int k = 0; k < coarse.width; ++k) {
+      const int start = ((k - coarse.bias) << halving) + fine.bias;
+      rows[static_cast<std::size_t>(y * coarse.width + k)] =
+          std::max({fine.at(start, y), fine.at(start + steps[1], y), fine.at(start + steps[2], y)});
+    }
+  }
+  coarse.values.assign(static_cast<std::size_t>(coarse.width) * static_cast<std::size_t>(coarse.height), 0);
+  for (int k = 0; k < coarse.height; ++k) {
+    const int start = ((k - coarse.bias) << halving) + fine.bias;
+    std::uint8_t* out = &coarse.values[static_cast<std::size_t>(k * coarse.width)];
+    for (const int step : steps) {
+      const int y = start + step;
+      if (y < 0 || y >= fine.height) {
+        continue;
+      }
+      const std::uint8_t* in = &rows[static_cast<std::size_t>(y * coarse.width)];
+      for (int x = 0; x < coarse.width; ++x) {
+        out[x] = std::max(out[x], in[x]);
+      }
+    }
+  }
+  return coarse;
+}
+
+MatchGrid::MatchGrid(const CellPlane& plane, const SurfaceIndex& surface, int levels) {
+  levels_.push_back(score_plane(plane, surface));
+  for (int level = 1; level < levels; ++level) {
+    levels_.push_back(coarser(levels_.back(), level));
+  }
+}
+
+std::uint8_t MatchGrid::value(int level, int x, int y) const {
+  const Level& plane = levels_[static_cast<std::size_t>(level)];
+  return plane.at((x >> plane.shift) + plane.bias, (y >> plane.shift) + plane.bias);
+}
+
+std::int32_t MatchGrid::sum(int level, std::span<const PointCell> points, int x, int y) const {
+  const Level& plane = levels_[static_cast<std::size_t>(level)];
+  const int shift = plane.shift;
+  const int bias = plane.bias;
+  const std::uint8_t* values = plane.values.data();
+  const auto width = static_cast<unsigned>(plane.width);
+  const auto height = static_cast<unsigned>(plane.height);
+  std::int32_t total = 0;
+  for (const PointCell& point : points) {
+    const auto column = static_cast<unsigned>(((point.x + x) >> shift) + bias);
+    const auto row = static_cast<unsigned>(((point.y + y) >> shift) + bias);
+    if (column < width && row < height) {
+      total += values[row * width + column];
+    }
+  }
+  return total;
+}
+
+}  // namespace submapd::internal

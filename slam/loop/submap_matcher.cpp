@@ -1,0 +1,235 @@
+#include "slam/loop/submap_matcher.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <numbers>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "slam/loop/internal/match_grid.hpp"
+#include "slam/loop/internal/placement_search.hpp"
+#include "slam/loop/internal/search_points.hpp"
+#include "slam/loop/internal/surface_alignment.hpp"
+#include "slam/loop/internal/verification.hpp"
+
+namespace submapd {
+namespace {
+
+using internal::Alignment;
+using internal::MapView;
+
+constexpr double kMinRawShare = 0.08;        // of the best possible search score: the overlap may be a corner of b
+constexpr double kNormalNoiseShare = 0.005;  // of the trace: what noisy normals fake of a direction (notes 5.4)
+constexpr double kWeakSigma_m = 0.02;
+constexpr double kLostSigma_m = 5.0;  // a direction without any information is not surer than this
+constexpr double kRefineReach_m = 0.3;
+constexpr double kRefineReach_rad = 0.0524;  // 3 deg
+constexpr double kDistinct_m = 0.5;          // a second peak is one that far from the best
+constexpr double kDistinct_rad = 0.0873;     // 5 deg
+constexpr double kWideWindow_rad = std::numbers::pi / 3.0;
+
+std::optional<MapView> make_view(const FinishedSubmap& submap) {
+  std::optional<CellPlane> plane = CellPlane::make(submap);
+  if (!plane) {
+    return std::nullopt;
+  }
+  return MapView{std::move(*plane), SurfaceIndex(submap)};
+}
+
+// Covariance of a_from_b and what is weak in it, from the information about the pivot.
+struct Confidence {
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+  Eigen::Matrix2d strong = Eigen::Matrix2d::Identity();  // projector on the directions of translation that are not weak
+  bool weak = false;
+  bool rotation_weak = false;
+};
+
+Confidence judge_information(const Alignment& alignment, const SubmapMatcherOptions& options) {
+  // Rotation scaled by the arm, so that all entries are metres. Pairs seen from both sides count twice, hence the half.
+  const double arm = std::max(alignment.rms_radius_m, 0.1);
+  const Eigen::DiagonalMatrix<double, 3> scale(1.0, 1.0, 1.0 / arm);
+  const Eigen::Matrix3d scaled = scale * alignment.information * scale / (2.0 * options.information_inflation);
+  const double noise = kNormalNoiseShare * scaled.topLeftCorner<2, 2>().trace();
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(scaled);
+
+  Confidence confidence;
+  Eigen::Matrix3d about_pivot = Eigen::Matrix3d::Zero();
+  const double least = 1.0 / (kLostSigma_m * kLostSigma_m);
+  for (int k = 0; k < 3; ++k) {
+    const double information = std::max(solver.eigenvalues()[k] - noise, least);
+    const Eigen::Vector3d direction = solver.eigenvectors().col(k);
+    about_pivot += direction * direction.transpose() / information;
+    if (1.0 / std::sqrt(information) > kWeakSigma_m) {
+      confidence.weak = true;
+      confidence.rotation_weak = confidence.rotation_weak || std::abs(direction.z()) > 0.5;
+      const Eigen::Vector2d along = direction.head<2>();
+      if (along.norm() > 0.5) {
+        const Eigen::Vector2d unit = along.normalized();
+        confidence.strong -= unit * unit.transpose() * confidence.strong;
+      }
+    }
+  }
+  about_pivot = scale * about_pivot * scale;
+  about_pivot.diagonal() +=
+      Eigen::Vector3d(options.floor_sigma_m, options.floor_sigma_m, options.floor_sigma_rad).cwiseAbs2();
+  // A turn about the pivot moves the origin of b on a circle around it.
+  const Eigen::Vector2d lever = alignment.a_from_b.translation() - alignment.pivot;
+  Eigen::Matrix3d to_origin = Eigen::Matrix3d::Identity();
+  to_origin(0, 2) = -lever.y();
+  to_origin(1, 2) = lever.x();
+  confidence.covariance = to_origin * about_pivot * to_origin.transpose();
+  return confidence;
+}
+
+// Whether a on b and b on a, each by itself, come to the same place in all but the weak directions.
+bool is_symmetric(const MapView& a, const MapView& b, const Alignment& joint, const Confidence& confidence,
+                  const SubmapMatcherOptions& options) {
+  const Alignment a_on_b = internal::align_surfaces(a.surface, b.surface, joint.a_from_b,
+                                                    internal::AlignDirection::kAOnB, internal::AlignStages::kFineOnly);
+  const Alignment b_on_a = internal::align_surfaces(a.surface, b.surface, joint.a_from_b,
+                                                    internal::AlignDirection::kBOnA, internal::AlignStages::kFineOnly);
+  if (a_on_b.pairs == 0 || b_on_a.pairs == 0) {
+    return false;
+  }
+  const Eigen::Vector2d pivot_in_b = transform(inverse(joint.a_from_b), joint.pivot);
+  const Eigen::Vector2d apart = transform(a_on_b.a_from_b, pivot_in_b) - transform(b_on_a.a_from_b, pivot_in_b);
+  const double turn = std::abs(wrap_angle(a_on_b.a_from_b.yaw - b_on_a.a_from_b.yaw));
+  return (confidence.strong * apart).norm() <= options.max_asymmetry_m &&
+         (confidence.rotation_weak || turn <= options.max_asymmetry_rad);
+}
+
+// Fills in the figures at a_from_b and the verdict of the tests that search() and refine() share.
+void verify(const MapView& a, const MapView& b, const Alignment& alignment, const SubmapMatcherOptions& options,
+            SubmapMatch& match) {
+  const Confidence confidence = judge_information(alignment, options);
+  match.a_from_b = alignment.a_from_b;
+  match.covariance = confidence.covariance;
+  match.weak = confidence.weak;
+  const internal::Overlap overlap = internal::measure_overlap(a, b, match.a_from_b);
+  match.overlap_m2 = overlap.area_m2;
+  match.overlap_share = overlap.share;
+  match.score = internal::fitting_share(a, b, match.a_from_b);
+  match.contradiction = internal::contradiction_share(a.plane, b.plane, match.a_from_b);
+  if (match.overlap_m2 < options.min_overlap_m2 || match.overlap_share < options.min_overlap_share) {
+    match.verdict = MatchVerdict::kSmallOverlap;
+  } else if (match.score < options.min_score) {
+    match.verdict = MatchVerdict::kLowScore;
+  } else if (match.contradiction > options.max_contradiction) {
+    match.verdict = MatchVerdict::kContradiction;
+  } else if (!is_symmetric(a, b, alignment, confidence, options)) {
+    match.verdict = MatchVerdict::kAsymmetric;
+  } else {
+    match.verdict = MatchVerdict::kAccepted;
+  }
+}
+
+// Squared Mahalanobis distance of the match from the prior.
+double prior_distance2(const SubmapMatch& match, const MatchPrior& prior) {
+  const Eigen::Vector3d difference(match.a_from_b.x - prior.a_from_b.x, match.a_from_b.y - prior.a_from_b.y,
+                                   wrap_angle(match.a_from_b.yaw - prior.a_from_b.yaw));
+  const Eigen::Matrix3d covariance = prior.covariance + match.covariance;
+  return difference.dot(covariance.ldlt().solve(difference));
+}
+
+internal::SearchWindow window_of(const MatchPrior& prior, const FinishedSubmap& a, const FinishedSubmap& b,
+                                 double cell_m, double radius_m, const SubmapMatcherOptions& options) {
+  const auto half = [](double variance, double low, double high) {
+    return std::clamp(3.0 * std::sqrt(std::max(variance, 0.0)), low, high);
+  };
+  internal::SearchWindow window;
+  window.centre = prior.a_from_b;
+  window.half_x_m = half(prior.covariance(0, 0), options.min_window_m, options.max_window_m);
+  window.half_y_m = half(prior.covariance(1, 1), options.min_window_m, options.max_window_m);
+  const double half_yaw = half(prior.covariance(2, 2), options.min_window_rad, options.max_window_rad);
+  const double low = prior.a_from_b.yaw - half_yaw;
+  const double high = prior.a_from_b.yaw + half_yaw;
+  window.yaws_rad = half_yaw > kWideWindow_rad ? internal::angles_by_normals(a, b, low, high, cell_m, radius_m)
+                                               : internal::angle_steps(low, high, cell_m, radius_m);
+  return window;
+}
+
+SubmapMatch named(const FinishedSubmap& a, const FinishedSubmap& b, const Pose2& start) {
+  SubmapMatch match;
+  match.a = a.id.index;
+  match.b = b.id.index;
+  match.a_from_b = start;
+  match.covariance = Eigen::Vector3d(kRefineReach_m, kRefineReach_m, kRefineReach_rad).cwiseAbs2().asDiagonal();
+  return match;
+}
+
+}  // namespace
+
+SubmapMatch SubmapMatcher::search(const FinishedSubmap& a, const FinishedSubmap& b, const MatchPrior& prior) const {
+  SubmapMatch match = named(a, b, prior.a_from_b);
+  match.covariance = prior.covariance;
+  const std::optional<MapView> view_a = make_view(a);
+  const std::optional<MapView> view_b = make_view(b);
+  if (!view_a || !view_b) {
+    return match;
+  }
+  const std::vector<Eigen::Vector2d> points = internal::thinned_points(view_b->surface);
+  if (points.empty()) {
+    return match;
+  }
+  const double cell_m = view_a->plane.cell_m();
+  const internal::SearchWindow window = window_of(prior, a, b, cell_m, internal::outer_radius_m(points), options_);
+  const internal::MatchGrid grid(view_a->plane, view_a->surface,
+                                 internal::levels_for(std::max(window.half_x_m, window.half_y_m), cell_m));
+  const internal::PlacementSearch placements(view_a->plane, grid, points, window);
+  const double full_score = 255.0 * static_cast<double>(points.size());
+  const auto found = placements.best(static_cast<std::int32_t>(kMinRawShare * full_score), nullptr);
+  if (!found) {
+    return match;
+  }
+  const Alignment alignment =
+      internal::align_surfaces(view_a->surface, view_b->surface, found->a_from_b, internal::AlignDirection::kBoth,
+                               internal::AlignStages::kCoarseToFine);
+  if (alignment.pairs == 0) {
+    match.a_from_b = found->a_from_b;
+    match.verdict = MatchVerdict::kLowScore;
+    return match;
+  }
+  verify(*view_a, *view_b, alignment, options_, match);
+  if (match.verdict != MatchVerdict::kAccepted) {
+    return match;
+  }
+  if (prior_distance2(match, prior) > options_.gate_chi2) {
+    match.verdict = MatchVerdict::kGate;
+    return match;
+  }
+  const internal::ExclusionZone zone{found->a_from_b, kDistinct_m, kDistinct_rad};
+  const auto second =
+      placements.best(static_cast<std::int32_t>(std::ceil(options_.max_second_peak * found->score)) + 1, &zone);
+  if (second) {
+    match.second_peak = static_cast<double>(second->score) / static_cast<double>(found->score);
+    match.verdict = MatchVerdict::kAmbiguous;
+  }
+  return match;
+}
+
+SubmapMatch SubmapMatcher::refine(const FinishedSubmap& a, const FinishedSubmap& b, const Pose2& start) const {
+  SubmapMatch match = named(a, b, start);
+  match.verdict = MatchVerdict::kLowScore;
+  const std::optional<MapView> view_a = make_view(a);
+  const std::optional<MapView> view_b = make_view(b);
+  if (!view_a || !view_b) {
+    return match;
+  }
+  const Alignment alignment = internal::align_surfaces(
+      view_a->surface, view_b->surface, start, internal::AlignDirection::kBoth, internal::AlignStages::kCoarseToFine);
+  // Judged at the overlap, where the surfaces are, and not at an origin that may be far from it.
+  const Eigen::Vector2d pivot_before = transform(start, transform(inverse(alignment.a_from_b), alignment.pivot));
+  if (alignment.pairs == 0 || (pivot_before - alignment.pivot).norm() > kRefineReach_m ||
+      std::abs(wrap_angle(alignment.a_from_b.yaw - start.yaw)) > kRefineReach_rad) {
+    return match;
+  }
+  verify(*view_a, *view_b, alignment, options_, match);
+  return match;
+}
+
+}  // namespace submapd

@@ -1,0 +1,157 @@
+#include "slam/loop/surface_index.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace submapd {
+namespace {
+
+constexpr std::uint16_t kMinHits = 2;
+constexpr double kMaxBuckets = 1 << 20;
+constexpr double kPoolRadius_m = 0.16;  // a 10 cm cell and its neighbours
+constexpr double kPoolCosine = 0.94;    // 20 deg
+constexpr double kPoolAcross_m = 0.08;
+constexpr double kMeanSigma_m = 0.01;  // of a surface mean however many hits it has: cell effects, drift inside the map
+
+}  // namespace
+
+SurfaceIndex::SurfaceIndex(const FinishedSubmap& submap) {
+  const auto& surface = submap.surface;
+  const auto often_hit =
+      std::count_if(surface.begin(), surface.end(), [](const SurfacePoint& p) { return p.hits >= kMinHits; });
+  const std::uint16_t min_hits = 2 * static_cast<std::size_t>(often_hit) >= surface.size() ? kMinHits : 1;
+  elements_.reserve(surface.size());
+  for (std::size_t i = 0; i < surface.size(); ++i) {
+    const SurfacePoint& p = surface[i];
+    if (p.hits < min_hits || !std::isfinite(p.x) || !std::isfinite(p.y)) {
+      continue;
+    }
+    SurfaceElement element;
+    element.mean = {p.x, p.y};
+    element.normal = {p.normal_x, p.normal_y};
+    const double spread = p.sigma_m;
+    element.variance_m2 = kMeanSigma_m * kMeanSigma_m + spread * spread / static_cast<double>(p.hits);
+    element.source = static_cast<std::uint32_t>(i);
+    elements_.push_back(element);
+  }
+  build_buckets();
+  pool_lines();
+}
+
+void SurfaceIndex::build_buckets() {
+  if (elements_.empty()) {
+    return;
+  }
+  Eigen::Vector2d low = elements_.front().mean;
+  Eigen::Vector2d high = low;
+  for (const SurfaceElement& element : elements_) {
+    low = low.cwiseMin(element.mean);
+    high = high.cwiseMax(element.mean);
+  }
+  origin_ = low;
+  const Eigen::Vector2d extent = high - low;
+  while ((extent.x() / bucket_m_ + 1.0) * (extent.y() / bucket_m_ + 1.0) > kMaxBuckets) {
+    bucket_m_ *= 2.0;
+  }
+  columns_ = static_cast<int>(extent.x() / bucket_m_) + 1;
+  rows_ = static_cast<int>(extent.y() / bucket_m_) + 1;
+
+  const auto bucket_of = [this](const SurfaceElement& element) {
+    const int column = std::min(columns_ - 1, static_cast<int>((element.mean.x() - origin_.x()) / bucket_m_));
+    const int row = std::min(rows_ - 1, static_cast<int>((element.mean.y() - origin_.y()) / bucket_m_));
+    return static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) + static_cast<std::size_t>(column);
+  };
+  first_.assign(static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_) + 1, 0);
+  for (const SurfaceElement& element : elements_) {
+    ++first_[bucket_of(element) + 1];
+  }
+  for (std::size_t i = 1; i < first_.size(); ++i) {
+    first_[i] += first_[i - 1];
+  }
+  std::vector<std::int32_t> next(first_.begin(), first_.end() - 1);
+  std::vector<SurfaceElement> sorted(elements_.size());
+  for (const SurfaceElement& element : elements_) {
+    sorted[static_cast<std::size_t>(next[bucket_of(element)]++)] = element;
+  }
+  elements_ = std::move(sorted);
+}
+
+// A wall along a cell border splits its hits between two cells whose means are pulled apart by truncation; the mean of
+// the neighbourhood is not (design notes 5.2). Moves each line-like mean along its normal onto its neighbours' line.
+void SurfaceIndex::pool_lines() {
+  std::vector<double> shift(elements_.size(), 0.0);
+  for (std::size_t i = 0; i < elements_.size(); ++i) {
+    const SurfaceElement& centre = elements_[i];
+    if (!centre.line_like()) {
+      continue;
+    }
+    double weights = 0.0;
+    double sum = 0.0;
+    visit_near(centre.mean, kPoolRadius_m, [&](std::int32_t j, double) {
+      const SurfaceElement& other = elements_[static_cast<std::size_t>(j)];
+      const double across = centre.normal.dot(other.mean - centre.mean);
+      if (other.normal.dot(centre.normal) < kPoolCosine || std::abs(across) > kPoolAcross_m) {
+        return;
+      }
+      const double weight = 1.0 / other.variance_m2;
+      weights += weight;
+      sum += weight * across;
+    });
+    shift[i] = weights > 0.0 ? sum / weights : 0.0;
+  }
+  for (std::size_t i = 0; i < elements_.size(); ++i) {
+    elements_[i].mean += shift[i] * elements_[i].normal;
+  }
+}
+
+template <typename Visit>
+void SurfaceIndex::visit_near(const Eigen::Vector2d& point, double radius_m, const Visit& visit) const {
+  const Eigen::Vector2d local = point - origin_;
+  // Means move by pooling after they were sorted, so look a little further.
+  const double reach = radius_m + kPoolAcross_m;
+  const double x_low = std::floor((local.x() - reach) / bucket_m_);
+  const double y_low = std::floor((local.y() - reach) / bucket_m_);
+  const double x_high = std::floor((local.x() + reach) / bucket_m_);
+  const double y_high = std::floor((local.y() + reach) / bucket_m_);
+  if (elements_.empty() || x_high < 0.0 || y_high < 0.0 || x_low >= columns_ || y_low >= rows_) {
+    return;
+  }
+  const int column_first = static_cast<int>(std::max(0.0, x_low));
+  const int column_last = static_cast<int>(std::min(static_cast<double>(columns_ - 1), x_high));
+  const int row_last = static_cast<int>(std::min(static_cast<double>(rows_ - 1), y_high));
+  for (int row = static_cast<int>(std::max(0.0, y_low)); row <= row_last; ++row) {
+    const std::size_t start = static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_);
+    const std::int32_t end = first_[start + static_cast<std::size_t>(column_last) + 1];
+    for (std::int32_t i = first_[start + static_cast<std::size_t>(column_first)]; i < end; ++i) {
+      const double distance2 = (elements_[static_cast<std::size_t>(i)].mean - point).squaredNorm();
+      if (distance2 <= radius_m * radius_m) {
+        visit(i, distance2);
+      }
+    }
+  }
+}
+
+std::int32_t SurfaceIndex::closest(const Eigen::Vector2d& point, const Eigen::Vector2d& normal, double radius_m,
+                                   double min_cosine) const {
+  std::int32_t best = kNone;
+  double best_distance2 = 0.0;
+  const bool has_normal = !normal.isZero(0.0);
+  visit_near(point, radius_m, [&](std::int32_t i, double distance2) {
+    if (best != kNone && distance2 >= best_distance2) {
+      return;
+    }
+    const SurfaceElement& element = elements_[static_cast<std::size_t>(i)];
+    if (has_normal && element.line_like() && element.normal.dot(normal) < min_cosine) {
+      return;
+    }
+    best = i;
+    best_distance2 = distance2;
+  });
+  return best;
+}
+
+void SurfaceIndex::within(const Eigen::Vector2d& point, double radius_m, std::vector<std::int32_t>& found) const {
+  visit_near(point, radius_m, [&](std::int32_t i, double) { found.push_back(i); });
+}
+
+}  // namespace submapd
