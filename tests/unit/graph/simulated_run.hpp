@@ -67,5 +67,7 @@ class SimulatedRun : public SubmapSource {
 // Root mean square distance of sub-map origins from the truth, first one taken as given.
 [[nodiscard]] double rmse_m(const SimulatedRun& run, const std::vector<SubmapPose>& submaps);
 [[nodiscard]] double rmse_m(const SimulatedRun& run, const std::vector<OptimizedKeyframe>& keyframes);
+// Of relative positions where the cart came by again: what loops can mend, unlike the shape of the whole.
+[[nodiscard]] double revisit_rmse_m(const SimulatedRun& run, const std::vector<OptimizedKeyframe>& keyframes);
 
 }  // namespace submapd::testing
