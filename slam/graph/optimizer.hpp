@@ -42,6 +42,7 @@ struct OptimizerCounters {
   std::uint64_t loops_confirmed = 0;  // state now
   std::uint64_t loops_pending = 0;    // state now
   std::uint64_t loops_rejected = 0;   // candidates and pending loops that were refused
+  std::uint64_t refused_for_memory = 0;  // sets of landmarks that would have passed graph_bytes_limit
   std::uint64_t solves = 0;
   double solve_ms_max = 0.0;          // wall time, for the report only: nothing depends on it
   std::size_t bytes_used = 0;
@@ -122,10 +123,14 @@ class BackEnd {
   [[nodiscard]] virtual OptimizerCounters counters() const = 0;
 };
 
+struct PairTools;  // slam/graph/internal/pair_tools.hpp
+
 class Optimizer : public BackEnd {
  public:
   // `source` must outlive the optimizer; the sub-map just added can already be loaded from it.
   Optimizer(const OptimizerOptions& options, SubmapSource& source);
+  // With another matcher and choice of landmarks than the default ones: for tests.
+  Optimizer(const OptimizerOptions& options, SubmapSource& source, PairTools tools);
   ~Optimizer() override;
 
   Expected<GraphState> add_submap(const std::shared_ptr<const FinishedSubmap>& submap) override;

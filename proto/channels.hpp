@@ -1,0 +1,26 @@
+// Names of our LCM channels, by prefix, so that several carts can share one network.
+#pragma once
+
+#include <string>
+
+namespace submapd {
+
+struct Channels {
+  // `prefix`: letters, digits and underscores, at most 40; LCM reads a channel to subscribe to as a regular expression.
+  explicit Channels(const std::string& prefix = "CART")
+      : scan_h(prefix + "_SCAN_H"),
+        scan_v(prefix + "_SCAN_V"),
+        pose(prefix + "_POSE"),
+        submap(prefix + "_SUBMAP"),
+        graph(prefix + "_GRAPH"),
+        health(prefix + "_HEALTH") {}
+
+  std::string scan_h;
+  std::string scan_v;
+  std::string pose;
+  std::string submap;
+  std::string graph;
+  std::string health;
+};
+
+}  // namespace submapd

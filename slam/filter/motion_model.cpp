@@ -1,0 +1,57 @@
+#include "slam/filter/motion_model.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace submapd {
+
+void PeriodEstimator::add(double period_s) {
+  if (!(period_s > 0.0)) return;
+  periods_[count_ % kWindow] = period_s;
+  ++count_;
+  // Bursts make single periods worthless; refresh the median often at first, then seldom.
+  if (count_ > 20 && count_ % 16 != 0) return;
+  std::array<double, kWindow> sorted{};
+  const std::size_t n = std::min(count_, kWindow);
+  std::copy_n(periods_.begin(), n, sorted.begin());
+  const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(n / 2);
+  std::nth_element(sorted.begin(), middle, sorted.begin() + static_cast<std::ptrdiff_t>(n));
+  median_s_ = *middle;
+}
+
+PredictedMotion predict_by_twist(const Twist2& twist, double step_s, const MotionModelOptions& options) {
+  PredictedMotion motion;
+  motion.delta = exp_twist(twist, std::min(step_s, options.max_extrapolation_s));
+  const double half_square = 0.5 * step_s * step_s;
+  const double sigma_m = std::min(options.accel_sigma * half_square, options.max_sigma_m);
+  motion.sigma = {sigma_m, sigma_m, std::min(options.yaw_accel_sigma * half_square, options.max_sigma_rad)};
+  return motion;
+}
+
+PredictedMotion predict_by_odometry(const Pose2& delta, const MotionModelOptions& options) {
+  PredictedMotion motion;
+  motion.delta = delta;
+  const double d = std::hypot(delta.x, delta.y);
+  const double a = std::abs(delta.yaw);
+  const double sigma_m = options.odom_base_m + options.odom_per_m * d + options.odom_m_per_rad * a;
+  motion.sigma = {sigma_m, sigma_m, options.odom_base_rad + options.odom_rad_per_rad * a + options.odom_rad_per_m * d};
+  return motion;
+}
+
+Twist2 learn_twist(const Twist2& twist, const Pose2& delta, double step_s, const MotionModelOptions& options) {
+  const Twist2 fresh = log_pose(delta, step_s);
+  if (std::hypot(fresh.vx, fresh.vy) > options.max_speed_m_s || std::abs(fresh.wz) > options.max_yaw_rate_rad_s) {
+    return twist;
+  }
+  const double a = options.smoothing;
+  return {a * fresh.vx + (1.0 - a) * twist.vx, a * fresh.vy + (1.0 - a) * twist.vy, a * fresh.wz + (1.0 - a) * twist.wz};
+}
+
+Eigen::Matrix3d motion_information(const PredictedMotion& motion, double yaw_rad) {
+  Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
+  turn.topLeftCorner<2, 2>() = rotation(yaw_rad);
+  const Eigen::Vector3d weights = motion.sigma.array().square().inverse();
+  return turn * weights.asDiagonal() * turn.transpose();
+}
+
+}  // namespace submapd

@@ -1,0 +1,63 @@
+// Where the next scan is expected: constant body twist, or the motion u_t that odometry reports.
+//
+// Design notes, section 3 (twist and its Q) and 6.1. Stamps of recorded logs come in bursts and gaps, so the time step that
+// counts is never shorter than the log's median period and never longer than max_extrapolation_s.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+#include "slam/base/pose2.hpp"
+
+namespace submapd {
+
+struct MotionModelOptions {
+  double accel_sigma = 6.0;            // m/s^2, of an unknown push
+  double yaw_accel_sigma = 16.0;       // rad/s^2
+  double max_sigma_m = 0.6;            // Q saturates here: a cart does not teleport
+  double max_sigma_rad = 0.5;
+  double max_speed_m_s = 4.5;          // a twist beyond the cart's limits is not learnt
+  double max_yaw_rate_rad_s = 4.0;
+  double max_extrapolation_s = 1.0;    // beyond, the twist is worth nothing
+  double smoothing = 0.7;              // share of the newest twist
+  // Odometry: sigma = base + share of the motion.
+  double odom_base_m = 0.01;
+  double odom_per_m = 0.10;
+  double odom_m_per_rad = 0.05;
+  double odom_base_rad = 0.01;
+  double odom_rad_per_rad = 0.10;
+  double odom_rad_per_m = 0.03;
+};
+
+// Median of the last periods between scans; deterministic and bounded.
+class PeriodEstimator {
+ public:
+  void add(double period_s);
+  [[nodiscard]] double median_s() const { return median_s_; }
+
+ private:
+  static constexpr std::size_t kWindow = 101;
+  std::array<double, kWindow> periods_{};
+  std::size_t count_ = 0;
+  double median_s_ = 0.025;
+};
+
+// A motion in the body frame and the sigmas of its (x, y, yaw).
+struct PredictedMotion {
+  Pose2 delta;
+  Eigen::Vector3d sigma = Eigen::Vector3d::Ones();
+};
+
+// REQUIRES: step_s > 0.
+[[nodiscard]] PredictedMotion predict_by_twist(const Twist2& twist, double step_s, const MotionModelOptions& options);
+[[nodiscard]] PredictedMotion predict_by_odometry(const Pose2& delta, const MotionModelOptions& options);
+
+// Twist of a matched motion, smoothed into `twist`; unchanged where the motion is beyond the cart's limits.
+[[nodiscard]] Twist2 learn_twist(const Twist2& twist, const Pose2& delta, double step_s, const MotionModelOptions& options);
+
+// Information matrix of a motion's end point, turned into the map frame.
+[[nodiscard]] Eigen::Matrix3d motion_information(const PredictedMotion& motion, double yaw_rad);
+
+}  // namespace submapd

@@ -1,0 +1,125 @@
+#include "slam/graph/internal/final_graph.hpp"
+
+#include <Eigen/LU>
+#include <algorithm>
+
+namespace submapd::graph {
+namespace {
+
+constexpr int kFinalIterations = 50;
+// Loops have been judged by now: the loss only has to spoil single landmarks (a cabinet moved), not whole loops, so it
+// starts later than live (95 % efficiency for Gaussian errors).
+constexpr double kFinalCauchyScale = 2.385;
+constexpr double kStepFloorM = 0.002;
+constexpr double kStepFloorRad = 0.03 * kDegree;
+// Sub-map vertices are names for key-frames, not measurements.
+constexpr double kIdentityInformation = 1e8;
+
+std::uint32_t position_of(const TrackGraph& graph, std::uint64_t scan_index) {
+  const auto found = std::lower_bound(
+      graph.track.begin(), graph.track.end(), scan_index,
+      [](const OptimizedKeyframe& keyframe, std::uint64_t index) { return keyframe.scan_index < index; });
+  return static_cast<std::uint32_t>(found - graph.track.begin());
+}
+
+// Every key-frame once, posed by the oldest sub-map that holds it, and chained inside sub-maps.
+void add_track(TrackGraph& graph, const GraphModel& model) {
+  for (std::uint32_t k = 0; k < model.submaps.size(); ++k) {
+    const auto& keyframes = model.submaps[k].keyframes;
+    for (std::size_t i = 0; i < keyframes.size(); ++i) {
+      const TrackPoint& point = keyframes[i];
+      if (!graph.track.empty() && point.scan_index <= graph.track.back().scan_index) continue;
+      const auto here = static_cast<std::uint32_t>(graph.track.size());
+      if (i > 0) {
+        // The one before in this sub-map; as a rule it is the newest point of the track.
+        const std::uint32_t before = position_of(graph, keyframes[i - 1].scan_index);
+        graph.chain.push_back({before, here, between(keyframes[i - 1].pose, point.pose),
+                               point.step() + pose_covariance(kStepFloorM, kStepFloorRad)});
+      } else if (here > 0) {
+        // A break: only the odometry frame says where it goes on.
+        const Pose2 odom_from_last =
+            compose(model.submaps[k - 1].odom_from_submap, model.submaps[k - 1].keyframes.back().pose);
+        const Pose2 odom_from_here = compose(model.submaps[k].odom_from_submap, point.pose);
+        graph.chain.push_back(
+            {here - 1, here, between(odom_from_last, odom_from_here), pose_covariance(kBreakM, kBreakRad)});
+      }
+      graph.track.push_back({point.scan_index, point.stamp_us, compose(model.poses[k], point.pose)});
+    }
+  }
+  for (const SubmapRecord& submap : model.submaps) {
+    graph.first_of_submap.push_back(position_of(graph, submap.keyframes.front().scan_index));
+  }
+}
+
+void add_sights(TrackGraph& graph, const GraphModel& model, const std::vector<VirtualLandmark>& landmarks,
+                double covariance_scale) {
+  for (const VirtualLandmark& landmark : landmarks) {
+    const auto number = static_cast<std::uint32_t>(graph.landmarks.size());
+    const std::size_t before = graph.sights.size();
+    for (const LandmarkObservation& seen : landmark.observations) {
+      if (seen.submap >= model.submaps.size()) continue;
+      const auto& keyframes = model.submaps[seen.submap].keyframes;
+      if (seen.keyframe >= keyframes.size() || !whitening(seen.covariance)) continue;
+      graph.sights.push_back({position_of(graph, keyframes[seen.keyframe].scan_index), number, seen.z,
+                              covariance_scale * seen.covariance});
+    }
+    if (graph.sights.size() == before) continue;  // nobody sees it: no variable either
+    graph.landmarks.emplace_back(
+        0.5 * (transform(model.poses[landmark.a], landmark.in_a) + transform(model.poses[landmark.b], landmark.in_b)));
+  }
+}
+
+}  // namespace
+
+TrackGraph build_track_graph(const GraphModel& model) {
+  TrackGraph graph;
+  add_track(graph, model);
+  for (const ChainLink& link : model.links) add_sights(graph, model, link.landmarks, 2.0);
+  for (const LoopRecord& record : model.loops) {
+    if (record.loop.state == LoopState::kConfirmed) add_sights(graph, model, record.landmarks, 1.0);
+  }
+  return graph;
+}
+
+Expected<SolveSummary> solve_track_graph(TrackGraph& graph) {
+  LeastSquaresGraph problem;
+  problem.poses.reserve(graph.track.size());
+  for (const OptimizedKeyframe& keyframe : graph.track) problem.poses.push_back(keyframe.map_from_base);
+  problem.points = graph.landmarks;
+  for (const auto& row : graph.chain) {
+    problem.pose_rows.push_back({row.from, row.to, row.measurement, whitening_or_soft(row.covariance)});
+  }
+  for (const auto& row : graph.sights) {
+    problem.point_rows.push_back({row.track_point, row.landmark, row.z, *whitening(row.covariance)});
+  }
+  const auto summary = solve(problem, {kFinalIterations, kFinalCauchyScale});
+  if (!summary) return summary;
+  for (std::size_t k = 0; k < graph.track.size(); ++k) graph.track[k].map_from_base = problem.poses[k];
+  graph.landmarks = std::move(problem.points);
+  return summary;
+}
+
+GraphExport export_graph(const TrackGraph& graph) {
+  GraphExport out;
+  const auto id_of = [&](std::uint32_t track_point) { return track_point_id(graph.track[track_point].scan_index); };
+  for (const OptimizedKeyframe& keyframe : graph.track) {
+    out.poses.push_back({track_point_id(keyframe.scan_index), keyframe.map_from_base});
+  }
+  for (std::uint32_t k = 0; k < graph.first_of_submap.size(); ++k) {
+    const std::uint32_t first = graph.first_of_submap[k];
+    out.poses.push_back({submap_id(k), graph.track[first].map_from_base});
+    out.pose_edges.push_back({id_of(first), submap_id(k), {}, kIdentityInformation * Eigen::Matrix3d::Identity()});
+  }
+  for (std::size_t k = 0; k < graph.landmarks.size(); ++k) out.points.push_back({landmark_id(k), graph.landmarks[k]});
+  for (const auto& row : graph.chain) {
+    const Eigen::Matrix3d white = whitening_or_soft(row.covariance);
+    out.pose_edges.push_back({id_of(row.from), id_of(row.to), row.measurement, white.transpose() * white});
+  }
+  for (const auto& row : graph.sights) {
+    out.point_edges.push_back({id_of(row.track_point), landmark_id(row.landmark), row.z, row.covariance.inverse()});
+  }
+  if (!graph.track.empty()) out.fixed.push_back(id_of(0));
+  return out;
+}
+
+}  // namespace submapd::graph

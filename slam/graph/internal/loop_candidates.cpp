@@ -1,0 +1,58 @@
+#include "slam/graph/internal/loop_candidates.hpp"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+
+namespace submapd::graph {
+namespace {
+
+// What a good match knows, to weigh what it would teach.
+const Eigen::Matrix3d kMatchCovariance = pose_covariance(0.02, 0.2 * kDegree);
+
+// Information gained about the relative pose by such a match, in nats: ½ log det(I + Σ Σ_match⁻¹).
+double information_gain(const Eigen::Matrix3d& covariance) {
+  const Eigen::Matrix3d gain = Eigen::Matrix3d::Identity() + covariance * kMatchCovariance.inverse();
+  return 0.5 * std::log(std::max(1.0, gain.determinant()));
+}
+
+}  // namespace
+
+Eigen::Vector3d search_window(const Eigen::Matrix3d& covariance) {
+  const SubmapMatcherOptions limits;
+  const auto width = [](double variance, double low, double high) {
+    return std::clamp(3.0 * std::sqrt(std::max(0.0, variance)), low, high);
+  };
+  return {width(covariance(0, 0), limits.min_window_m, limits.max_window_m),
+          width(covariance(1, 1), limits.min_window_m, limits.max_window_m),
+          width(covariance(2, 2), limits.min_window_rad, limits.max_window_rad)};
+}
+
+std::vector<LoopCandidate> rank_candidates(const GraphModel& model, const PairTools& tools,
+                                           RelativeUncertainty& uncertainty, std::uint32_t b, std::uint32_t min_gap) {
+  const SubmapMatcherOptions limits;
+  std::vector<LoopCandidate> candidates;
+  const SubmapOutline& outline_b = model.submaps[b].outline;
+  for (std::uint32_t a = 0; a + min_gap <= b; ++a) {
+    if (share_keyframes(model.submaps[a], model.submaps[b])) continue;
+    const SubmapOutline& outline_a = model.submaps[a].outline;
+    const UncertainPose& relative = uncertainty.between_submaps(a, b).pose;
+    const Eigen::Vector3d window = search_window(relative.covariance);
+    const double grow_m = std::max(window.x(), window.y());
+    const double distance_m = (transform(relative.mean, outline_b.centre) - outline_a.centre).norm();
+    // The radius holds 95 % of the area; half as much again reaches the rest.
+    if (distance_m > 1.5 * (outline_a.radius_m + outline_b.radius_m) + grow_m) continue;
+    if (tools.overlap_m2(outline_a, outline_b, relative.mean, grow_m) < limits.min_overlap_m2) continue;
+    const double smaller_m2 = std::max(1.0, std::min(outline_a.known_area_m2(), outline_b.known_area_m2()));
+    const double share = std::min(1.0, tools.overlap_m2(outline_a, outline_b, relative.mean, 0.0) / smaller_m2);
+    LoopCandidate candidate{a, b, {relative.mean, relative.covariance}, window, 0.0};
+    // A tenth for pairs that overlap only if the prior is off.
+    candidate.value = information_gain(relative.covariance) * (0.1 + share);
+    candidates.push_back(candidate);
+  }
+  std::stable_sort(candidates.begin(), candidates.end(),
+                   [](const LoopCandidate& p, const LoopCandidate& q) { return p.value > q.value; });
+  return candidates;
+}
+
+}  // namespace submapd::graph

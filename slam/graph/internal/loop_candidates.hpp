@@ -1,0 +1,30 @@
+// Which pairs of sub-maps are worth a branch-and-bound run, most informative first (design notes, section 10).
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "slam/graph/internal/graph_model.hpp"
+#include "slam/graph/internal/pair_tools.hpp"
+#include "slam/graph/internal/relative_uncertainty.hpp"
+
+namespace submapd::graph {
+
+struct LoopCandidate {
+  std::uint32_t a = 0;  // a < b
+  std::uint32_t b = 0;
+  MatchPrior prior;
+  Eigen::Vector3d window = Eigen::Vector3d::Zero();  // half widths, m, m, rad
+  double value = 0.0;  // expected information gain, weighed by the share of the smaller sub-map that overlaps
+};
+
+// Half widths in which the matcher seeks for a prior of that covariance: 3 sigma within its limits.
+[[nodiscard]] Eigen::Vector3d search_window(const Eigen::Matrix3d& covariance);
+
+// Partners of b among the earlier sub-maps: not its neighbour, no key-frame in common, and within 3 sigma an overlap
+// that could be verified. Best first; ties by index. `min_gap`: least difference of the indices.
+[[nodiscard]] std::vector<LoopCandidate> rank_candidates(const GraphModel& model, const PairTools& tools,
+                                                         RelativeUncertainty& uncertainty, std::uint32_t b,
+                                                         std::uint32_t min_gap);
+
+}  // namespace submapd::graph

@@ -1,0 +1,131 @@
+#include "slam/graph/internal/loop_search.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace submapd::graph {
+namespace {
+
+constexpr double kApartM = 5.0;
+// A pair is tried again when its prior has moved by as much as the narrowest window is wide.
+constexpr double kRetryM = 1.0;
+constexpr double kRetryRad = 5.0 * kDegree;
+constexpr std::size_t kMinLandmarks = 2;  // fewer do not fix a pose
+
+Eigen::Vector2d place_of(const std::vector<VirtualLandmark>& landmarks) {
+  Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+  for (const VirtualLandmark& landmark : landmarks) sum += landmark.in_b;
+  return sum / static_cast<double>(landmarks.size());
+}
+
+// Where the matcher's answer or a landmark could poison every later sum.
+bool usable(const SubmapMatch& match) {
+  return std::isfinite(match.a_from_b.x) && std::isfinite(match.a_from_b.y) && std::isfinite(match.a_from_b.yaw) &&
+         match.covariance.allFinite();
+}
+bool usable(const VirtualLandmark& landmark, std::uint32_t a, std::uint32_t b) {
+  return landmark.a == a && landmark.b == b && landmark.in_a.allFinite() && landmark.in_b.allFinite() &&
+         landmark.covariance_a.allFinite() && landmark.covariance_b.allFinite();
+}
+
+}  // namespace
+
+std::vector<LoopCandidate> LoopSearch::untried(const GraphModel& model, RelativeUncertainty& uncertainty,
+                                               std::uint32_t b, std::uint32_t min_gap) const {
+  std::vector<LoopCandidate> candidates = rank_candidates(model, tools_, uncertainty, b, min_gap);
+  std::erase_if(candidates, [&](const LoopCandidate& candidate) {
+    for (const LoopRecord& record : model.loops) {
+      if (record.loop.match.a == candidate.a && record.loop.match.b == candidate.b) return true;
+    }
+    const auto before = tried_.find({candidate.a, candidate.b});
+    if (before == tried_.end()) return false;
+    const Pose2 moved = between(before->second, candidate.prior.a_from_b);
+    return moved.translation().norm() < kRetryM && std::abs(moved.yaw) < kRetryRad;
+  });
+  return candidates;
+}
+
+std::vector<LoopCandidate> LoopSearch::spread_out(const GraphModel& model, const std::vector<LoopCandidate>& ranked,
+                                                  std::size_t count) {
+  std::vector<LoopCandidate> chosen;
+  std::vector<LoopCandidate> crowded;
+  const auto place = [&](const LoopCandidate& candidate) {
+    return transform(model.poses[candidate.a], model.submaps[candidate.a].outline.centre);
+  };
+  for (const LoopCandidate& candidate : ranked) {
+    const bool apart = std::all_of(chosen.begin(), chosen.end(), [&](const LoopCandidate& other) {
+      return (place(candidate) - place(other)).norm() >= kApartM;
+    });
+    (apart ? chosen : crowded).push_back(candidate);
+    if (chosen.size() == count) return chosen;
+  }
+  for (const LoopCandidate& candidate : crowded) {
+    if (chosen.size() == count) break;
+    chosen.push_back(candidate);
+  }
+  return chosen;
+}
+
+std::shared_ptr<const FinishedSubmap> LoopSearch::load(std::uint32_t index) {
+  auto submap = source_.load(index);
+  if (submap && *submap != nullptr) return *submap;
+  ++load_failures_;
+  return nullptr;
+}
+
+void LoopSearch::run(GraphModel& model, const LoopCandidate& candidate, std::size_t bytes_left) {
+  const auto a = load(candidate.a);
+  const auto b = load(candidate.b);
+  if (a == nullptr || b == nullptr) return;
+  ++runs_;
+  tried_[{candidate.a, candidate.b}] = candidate.prior.a_from_b;
+  LoopRecord record;
+  record.loop.match = tools_.search(*a, *b, candidate.prior);
+  if (record.loop.match.verdict != MatchVerdict::kAccepted || !usable(record.loop.match)) {
+    ++refused_;
+    return;
+  }
+  record.loop.match.a = candidate.a;
+  record.loop.match.b = candidate.b;
+  record.landmarks = tools_.choose_landmarks(*a, *b, record.loop.match);
+  std::erase_if(record.landmarks,
+                [&](const VirtualLandmark& landmark) { return !usable(landmark, candidate.a, candidate.b); });
+  record.landmarks.shrink_to_fit();
+  if (record.landmarks.size() < kMinLandmarks) {
+    ++refused_;
+    return;
+  }
+  if (sizeof(LoopRecord) + bytes_of(record.landmarks) > bytes_left) {
+    ++refused_for_memory_;
+    return;
+  }
+  record.place_in_b = place_of(record.landmarks);
+  record.window = candidate.window;
+  model.loops.push_back(std::move(record));
+}
+
+std::vector<VirtualLandmark> LoopSearch::tie_neighbours(const GraphModel& model, const FinishedSubmap& newest,
+                                                        std::size_t bytes_left) {
+  const auto b = static_cast<std::uint32_t>(model.links.size() - 1);
+  const auto a = load(b - 1);
+  if (a == nullptr) return {};
+  SubmapMatch match = tools_.refine(*a, newest, model.links[b].edge.mean);
+  if (match.verdict != MatchVerdict::kAccepted || !usable(match)) return {};
+  match.a = b - 1;
+  match.b = b;
+  std::vector<VirtualLandmark> landmarks = tools_.choose_landmarks(*a, newest, match);
+  std::erase_if(landmarks, [&](const VirtualLandmark& landmark) { return !usable(landmark, b - 1, b); });
+  landmarks.shrink_to_fit();
+  if (bytes_of(landmarks) > bytes_left) {
+    ++refused_for_memory_;
+    return {};
+  }
+  return landmarks;
+}
+
+std::size_t LoopSearch::bytes() const {
+  constexpr std::size_t kTreeNode = 4 * sizeof(void*);
+  return tried_.size() * (sizeof(*tried_.begin()) + kTreeNode);
+}
+
+}  // namespace submapd::graph

@@ -1,0 +1,256 @@
+#include "slam/graph/optimizer.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <utility>
+
+#include "slam/graph/internal/final_graph.hpp"
+#include "slam/graph/internal/graph_model.hpp"
+#include "slam/graph/internal/live_graph.hpp"
+#include "slam/graph/internal/loop_policy.hpp"
+#include "slam/graph/internal/loop_search.hpp"
+#include "slam/graph/internal/pair_tools.hpp"
+
+namespace submapd {
+namespace {
+
+using graph::GraphModel;
+using graph::LoopCandidate;
+using graph::LoopRecord;
+
+// The budget of loop work, in matcher runs (notes 10): a few while the cart rolls, the rest when it is done.
+constexpr std::size_t kLiveRuns = 3;
+constexpr std::size_t kFinalRunsPerSubmap = 20;
+constexpr std::uint32_t kLiveGap = 3;  // nearer ones overlap by construction and teach little
+constexpr std::uint32_t kFinalGap = 2;
+constexpr int kPolicyRounds = 8;  // confirm and solve until nothing more follows
+
+bool finite(const Pose2& pose) {
+  return std::isfinite(pose.x) && std::isfinite(pose.y) && std::isfinite(pose.yaw);
+}
+
+Status check(const FinishedSubmap* submap, std::size_t expected_index) {
+  if (submap == nullptr) return {StatusCode::kInvalidArgument, "optimizer: no sub-map given"};
+  const std::string name = fmt::format("optimizer: sub-map {}", submap->id.index);
+  if (submap->id.index != expected_index) {
+    return {StatusCode::kInvalidArgument,
+            fmt::format("{} came where {} was due; hand them over in order", name, expected_index)};
+  }
+  if (submap->keyframes.empty()) return {StatusCode::kInvalidArgument, name + " has no key-frames"};
+  if (!finite(submap->odom_from_submap)) return {StatusCode::kInvalidArgument, name + " has no finite pose"};
+  for (std::size_t k = 0; k < submap->keyframes.size(); ++k) {
+    const Keyframe& keyframe = submap->keyframes[k];
+    if (!finite(keyframe.pose) || (k > 0 && keyframe.scan_index <= submap->keyframes[k - 1].scan_index)) {
+      return {StatusCode::kInvalidArgument,
+              fmt::format("{}: key-frame {} is not finite or not in order of its scan", name, k)};
+    }
+  }
+  return {};
+}
+
+}  // namespace
+
+struct Optimizer::Impl {
+  Impl(const OptimizerOptions& options_in, SubmapSource& source, PairTools tools_in)
+      : options(options_in), tools(std::move(tools_in)), search(tools, source) {}
+
+  Status take(const FinishedSubmap& submap);
+  void seek_live();
+  void seek_all();
+  Status settle(bool accept_lone);
+  Status solve(const std::vector<std::size_t>& news);
+  [[nodiscard]] std::size_t bytes_left() const;
+  void count();
+  [[nodiscard]] std::vector<Loop> loops() const;
+
+  OptimizerOptions options;
+  PairTools tools;
+  graph::LoopSearch search;
+  GraphModel model;
+  OptimizerCounters counters;
+  std::uint32_t version = 0;
+  std::uint64_t rejected_pending = 0;
+};
+
+std::size_t Optimizer::Impl::bytes_left() const {
+  return options.graph_bytes_limit - std::min(options.graph_bytes_limit, counters.bytes_used);
+}
+
+void Optimizer::Impl::count() {
+  counters.submaps = model.submaps.size();
+  counters.landmarks = counters.loops_confirmed = counters.loops_pending = 0;
+  std::size_t bytes = search.bytes();
+  for (const auto& record : model.submaps) bytes += graph::bytes_of(record);
+  for (const auto& link : model.links) {
+    counters.landmarks += link.landmarks.size();
+    bytes += graph::bytes_of(link.landmarks);
+  }
+  for (const LoopRecord& record : model.loops) {
+    bytes += sizeof(record) + graph::bytes_of(record.landmarks);
+    if (record.loop.state == LoopState::kConfirmed) {
+      ++counters.loops_confirmed;
+      counters.landmarks += record.landmarks.size();
+    } else if (record.loop.state == LoopState::kPending) {
+      ++counters.loops_pending;
+    }
+  }
+  counters.loop_candidates = search.runs();
+  counters.loops_rejected = search.refused() + rejected_pending;
+  counters.refused_for_memory = search.refused_for_memory();
+  counters.bytes_used = bytes;
+  counters.bytes_peak = std::max(counters.bytes_peak, bytes);
+}
+
+std::vector<Loop> Optimizer::Impl::loops() const {
+  std::vector<Loop> all;
+  for (const LoopRecord& record : model.loops) all.push_back(record.loop);
+  return all;
+}
+
+Status Optimizer::Impl::take(const FinishedSubmap& submap) {
+  if (Status status = check(&submap, model.submaps.size()); !status.ok()) return status;
+  const auto index = static_cast<std::uint32_t>(model.submaps.size());
+  graph::SubmapRecord record = graph::make_record(submap, tools.make_outline(submap));
+  graph::ChainLink link;
+  Pose2 pose = submap.odom_from_submap;
+  if (index > 0) {
+    link = graph::make_link(model.submaps.back(), record, submap.linked_to_previous);
+    pose = compose(model.poses.back(), link.edge.mean);
+  }
+  model.submaps.push_back(std::move(record));
+  model.links.push_back(std::move(link));
+  model.poses.push_back(pose);
+  count();
+  if (model.links.back().linked) model.links.back().landmarks = search.tie_neighbours(model, submap, bytes_left());
+  count();
+  return {};
+}
+
+void Optimizer::Impl::seek_live() {
+  graph::RelativeUncertainty uncertainty(model);
+  const auto newest = static_cast<std::uint32_t>(model.submaps.size() - 1);
+  const auto ranked = search.untried(model, uncertainty, newest, kLiveGap);
+  for (const LoopCandidate& candidate : graph::LoopSearch::spread_out(model, ranked, kLiveRuns)) {
+    search.run(model, candidate, bytes_left());
+    count();
+  }
+}
+
+// Every pair that overlaps at the poses then known, most informative first, in batches after each of which the graph
+// learns.
+void Optimizer::Impl::seek_all() {
+  std::size_t budget = kFinalRunsPerSubmap * model.submaps.size();
+  const std::size_t batch = std::max<std::size_t>(kLiveRuns, 2 * model.submaps.size());
+  while (budget > 0) {
+    graph::RelativeUncertainty uncertainty(model);
+    std::vector<LoopCandidate> ranked;
+    for (std::uint32_t b = kFinalGap; b < model.submaps.size(); ++b) {
+      const auto of_b = search.untried(model, uncertainty, b, kFinalGap);
+      ranked.insert(ranked.end(), of_b.begin(), of_b.end());
+    }
+    std::stable_sort(ranked.begin(), ranked.end(),
+                     [](const LoopCandidate& p, const LoopCandidate& q) { return p.value > q.value; });
+    if (ranked.size() > std::min(batch, budget)) ranked.resize(std::min(batch, budget));
+    if (ranked.empty()) return;
+    // In order of index, so that a cache of loaded sub-maps helps.
+    std::stable_sort(ranked.begin(), ranked.end(), [](const LoopCandidate& p, const LoopCandidate& q) {
+      return std::pair(p.b, p.a) < std::pair(q.b, q.a);
+    });
+    const std::uint64_t before = search.runs();
+    for (const LoopCandidate& candidate : ranked) {
+      search.run(model, candidate, bytes_left());
+      count();
+    }
+    if (search.runs() == before) return;  // nothing can be loaded
+    budget -= ranked.size();
+    // A failed solve keeps the poses; the final one reports it.
+    if (!settle(true).ok()) return;
+  }
+}
+
+Status Optimizer::Impl::solve(const std::vector<std::size_t>& news) {
+  const auto start = std::chrono::steady_clock::now();
+  const auto summary = graph::solve_live(model, news);
+  const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - start;
+  ++counters.solves;
+  ++version;
+  counters.solve_ms_max = std::max(counters.solve_ms_max, took.count());
+  return summary ? Status{} : summary.error();
+}
+
+// Confirms and solves until nothing changes any more.
+Status Optimizer::Impl::settle(bool accept_lone) {
+  if (Status status = solve({}); !status.ok()) return status;
+  for (int round = 0; round < kPolicyRounds; ++round) {
+    const auto news = graph::confirm_loops(model, accept_lone);
+    if (news.empty()) break;
+    if (Status status = solve(news); !status.ok()) return status;
+    if (graph::demote_loops(model) == 0) continue;
+    if (Status status = solve({}); !status.ok()) return status;
+  }
+  count();
+  return {};
+}
+
+Optimizer::Optimizer(const OptimizerOptions& options, SubmapSource& source, PairTools tools)
+    : impl_(std::make_unique<Impl>(options, source, std::move(tools))) {}
+
+Optimizer::~Optimizer() = default;
+
+Expected<GraphState> Optimizer::add_submap(const std::shared_ptr<const FinishedSubmap>& submap) {
+  if (Status status = check(submap.get(), impl_->model.submaps.size()); !status.ok()) return failure(status);
+  if (Status status = impl_->take(*submap); !status.ok()) return failure(status);
+  if (impl_->options.loops) impl_->seek_live();
+  if (Status status = impl_->settle(false); !status.ok()) return failure(status);
+  GraphState state;
+  state.version = impl_->version;
+  for (std::uint32_t k = 0; k < impl_->model.poses.size(); ++k) state.submaps.push_back({k, impl_->model.poses[k]});
+  state.loops = impl_->loops();
+  return state;
+}
+
+Expected<FinalResult> Optimizer::finish() {
+  GraphModel& model = impl_->model;
+  if (model.submaps.empty())
+    return failure(StatusCode::kNotFound, "optimizer: no sub-map yet; there is nothing to solve");
+  if (impl_->options.loops) {
+    impl_->seek_all();
+    if (Status status = impl_->settle(true); !status.ok()) return failure(status);
+    impl_->rejected_pending += static_cast<std::uint64_t>(graph::reject_contradicted(model));
+    impl_->count();
+  }
+  graph::TrackGraph track = graph::build_track_graph(model);
+  const auto start = std::chrono::steady_clock::now();
+  const auto summary = graph::solve_track_graph(track);
+  const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - start;
+  ++impl_->counters.solves;
+  impl_->counters.solve_ms_max = std::max(impl_->counters.solve_ms_max, took.count());
+  if (!summary) return failure(summary.error());
+
+  FinalResult result;
+  result.graph = graph::export_graph(track);
+  for (std::uint32_t k = 0; k < model.submaps.size(); ++k) {
+    result.submaps.push_back({k, track.track[track.first_of_submap[k]].map_from_base});
+  }
+  result.loops = impl_->loops();
+  const OptimizerCounters& counted = impl_->counters;
+  result.report = fmt::format(
+      "{} sub-maps, {} track points, {} landmarks, {} rows\n"
+      "loops: {} matched, {} confirmed, {} pending, {} refused; {} refused for memory, {} loads failed\n"
+      "final solve: cost {:.6g} -> {:.6g} in {} iterations\n",
+      counted.submaps, track.track.size(), track.landmarks.size(), track.chain.size() + track.sights.size(),
+      counted.loop_candidates, counted.loops_confirmed, counted.loops_pending, counted.loops_rejected,
+      counted.refused_for_memory, impl_->search.load_failures(), summary->initial_cost, summary->final_cost,
+      summary->iterations);
+  result.keyframes = std::move(track.track);
+  return result;
+}
+
+OptimizerCounters Optimizer::counters() const {
+  return impl_->counters;
+}
+
+}  // namespace submapd

@@ -1,0 +1,108 @@
+// Sub-cell surface statistics on 10 cm cells: what stage 2 of the matcher aligns to (design notes 4.2 G, 5.2).
+//
+// A face holds the hits of one cell that were seen from one side (a thin wall seen from both rooms has two faces), as
+// count, sum and scatter about the cell's centre, plus the *pooled* line through the faces of the 3 x 3 cells around it:
+// pooling keeps a wall on a cell border from being split and biased. Cells next to a hit have a face without hits of their
+// own, so that a point beside the wall finds its line in O(1).
+// Fixed pools; when they are full new cells are refused and counted. Reading is thread-safe while nobody inserts.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "slam/grid/grid_geometry.hpp"
+
+namespace submapd {
+
+inline constexpr double kSurfaceCell_m = 0.10;
+inline constexpr int kSurfacePerBlockSide = 32;  // 3.2 m blocks as in the index map
+inline constexpr int kSurfacePerBlock = kSurfacePerBlockSide * kSurfacePerBlockSide;
+inline constexpr int kSurfaceSide = kDirectoryBlocks * kSurfacePerBlockSide;  // cells along one side of the map
+inline constexpr int kSurfaceBias = kSurfaceSide / 2;
+
+enum class SurfaceKind : std::uint8_t { kNone, kPoint, kLine };
+
+struct PooledLine {
+  float mean_x = 0.0F;  // m, sub-map frame
+  float mean_y = 0.0F;
+  float normal_x = 0.0F;  // unit, towards the viewers; (0, 0) unless kLine
+  float normal_y = 0.0F;
+  float sigma_m = 0.0F;   // spread across the line (kLine) or of the hits (kPoint)
+  float half_length_m = 0.0F;  // one sigma along the line
+  float count = 0.0F;     // hits pooled
+  SurfaceKind kind = SurfaceKind::kNone;
+};
+
+struct SurfaceFace {
+  // Statistics of this cell's own hits, about the cell's centre.
+  float n = 0.0F;
+  float sum_x = 0.0F;
+  float sum_y = 0.0F;
+  float sum_xx = 0.0F;
+  float sum_xy = 0.0F;
+  float sum_yy = 0.0F;
+  float view_x = 0.0F;  // mean direction towards the sensor, not normalised
+  float view_y = 0.0F;
+  PooledLine pooled;
+  float pending = 0.0F;           // hits in the 3 x 3 cells since `pooled` was computed
+  std::uint32_t cell = 0;         // iy * kSurfaceSide + ix
+  std::uint16_t other = 0;        // the cell's next face; 0: none
+  std::uint16_t keyframes = 0;    // scans that hit it; saturates
+  std::uint16_t touched_scan = 0; // marks faces hit by the scan being inserted
+  std::uint8_t view_sectors = 0;
+};
+
+struct SurfaceHit {
+  float x = 0.0F;  // m, sub-map frame
+  float y = 0.0F;
+  float view_x = 0.0F;  // unit vector from the hit towards the sensor
+  float view_y = 0.0F;
+};
+
+class SurfaceMap {
+ public:
+  SurfaceMap(int max_faces, int max_blocks);
+  void clear();
+
+  // Adds one scan's hits and refreshes the pooled lines that changed by more than a tenth.
+  void insert(std::span<const SurfaceHit> hits);
+  // Forgets the hits in the surface cell at (x, y): its fine cells have been seen free.
+  void forget(double x_m, double y_m);
+
+  // Pooled line near (x, y) as seen from direction `view` (unit, towards the sensor); nullptr if there is none.
+  [[nodiscard]] const PooledLine* find(float x_m, float y_m, float view_x, float view_y) const;
+
+  // Faces in use, in order of creation (index 0 is not one).
+  [[nodiscard]] std::span<const SurfaceFace> faces() const { return {faces_.data(), used_faces_}; }
+  [[nodiscard]] std::size_t bytes_used() const;
+  [[nodiscard]] std::size_t bytes_limit() const;
+  [[nodiscard]] std::uint64_t refused() const { return refused_; }
+
+ private:
+  struct Block {
+    std::array<std::uint16_t, kSurfacePerBlock> slot{};
+  };
+  // Face of the cell that agrees with the view, made if there is room; 0 if not.
+  std::uint16_t ensure_face(int ix, int iy, float view_x, float view_y);
+  [[nodiscard]] std::uint16_t find_face(int ix, int iy, float view_x, float view_y) const;
+  void refresh(SurfaceFace& face);
+
+  std::vector<SurfaceFace> faces_;
+  std::size_t used_faces_ = 1;
+  std::array<std::uint16_t, kDirectorySize> directory_{};
+  std::vector<Block> blocks_;  // block 0 is the shared empty one
+  std::size_t used_blocks_ = 1;
+  std::vector<std::uint16_t> touched_;
+  std::uint16_t scan_ = 0;
+  std::uint64_t refused_ = 0;
+};
+
+// Centre of a surface cell [m].
+[[nodiscard]] inline float surface_centre(int index) {
+  return (static_cast<float>(index - kSurfaceBias) + 0.5F) * static_cast<float>(kSurfaceCell_m);
+}
+
+}  // namespace submapd

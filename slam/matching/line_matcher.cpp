@@ -1,0 +1,82 @@
+#include "slam/matching/line_matcher.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace submapd {
+
+LineSystem line_system(std::span<const ScanPoint> points, const SurfaceMap& surface, double angle_step_rad,
+                       const Pose2& pose, const LineMatcherOptions& options) {
+  LineSystem out;
+  const auto c = static_cast<float>(std::cos(pose.yaw));
+  const auto s = static_cast<float>(std::sin(pose.yaw));
+  const auto tx = static_cast<float>(pose.x);
+  const auto ty = static_cast<float>(pose.y);
+  const auto range_var = static_cast<float>(options.range_sigma_m * options.range_sigma_m);
+  const auto beam_sigma = static_cast<float>(options.beam_sigma_steps * angle_step_rad);
+  const auto min_var = static_cast<float>(options.min_line_sigma_m * options.min_line_sigma_m);
+  const auto gate = static_cast<float>(options.gate_m);
+  const auto min_gate = static_cast<float>(options.min_gate_m);
+  const auto tangential_gate = static_cast<float>(options.tangential_gate_m);
+  const auto inverse_c2 = static_cast<float>(1.0 / (options.cauchy_sigmas * options.cauchy_sigmas));
+  for (const ScanPoint& p : points) {
+    const float rx = c * p.x - s * p.y;
+    const float ry = s * p.x + c * p.y;
+    const float x = tx + rx;
+    const float y = ty + ry;
+    const float vx = c * p.view_x - s * p.view_y;
+    const float vy = s * p.view_x + c * p.view_y;
+    const PooledLine* line = surface.find(x, y, vx, vy);
+    if (line == nullptr) continue;
+    const float dx = x - line->mean_x;
+    const float dy = y - line->mean_y;
+    const float map_var = line->sigma_m * line->sigma_m / line->count + min_var;
+    const float cross = p.range_m * beam_sigma;
+    if (line->kind == SurfaceKind::kLine) {
+      const float nx = line->normal_x;
+      const float ny = line->normal_y;
+      const float along_ray = nx * vx + ny * vy;
+      const float var = range_var * along_ray * along_ray + map_var + cross * cross * (1.0F - along_ray * along_ray);
+      const float r = nx * dx + ny * dy;
+      const float limit = std::max(min_gate, std::min(gate, 3.0F * std::sqrt(var + line->sigma_m * line->sigma_m)));
+      if (std::abs(r) > limit || std::abs(ny * dx - nx * dy) > tangential_gate) continue;
+      ++out.associated;
+      const float w = p.weight / (var * (1.0F + r * r / var * inverse_c2));
+      out.equations.add(static_cast<double>(nx), static_cast<double>(ny), static_cast<double>(-nx * ry + ny * rx),
+                        static_cast<double>(r), static_cast<double>(w));
+    } else {
+      const float var = range_var + map_var + cross * cross + 2.0F * line->sigma_m * line->sigma_m + 4e-4F;
+      const float r2 = dx * dx + dy * dy;
+      if (r2 > gate * gate) continue;
+      ++out.associated;
+      const float w = p.weight / (var * (1.0F + r2 / var * inverse_c2));
+      out.equations.add(1.0, 0.0, static_cast<double>(-ry), static_cast<double>(dx), static_cast<double>(w));
+      out.equations.add(0.0, 1.0, static_cast<double>(rx), static_cast<double>(dy), static_cast<double>(w));
+    }
+  }
+  out.equations.complete();
+  return out;
+}
+
+LineMatchResult match_lines(std::span<const ScanPoint> points, const SurfaceMap& surface, double angle_step_rad,
+                            const Pose2& start, const MotionPrior& prior, const LineMatcherOptions& options) {
+  LineMatchResult result;
+  result.match.pose = start;
+  if (points.empty()) return result;
+  for (int pass = 0;; ++pass) {
+    const LineSystem system = line_system(points, surface, angle_step_rad, result.match.pose, options);
+    result.match.information = system.equations.H;
+    result.associated = system.associated;
+    result.match.health.iterations = pass;
+    if (pass == options.max_iterations) break;
+    const Eigen::Vector3d step = solve_step(system.equations, options.kappa, result.match.pose, prior);
+    result.match.pose.x += step(0);
+    result.match.pose.y += step(1);
+    result.match.pose.yaw += step(2);
+    if (step.head<2>().norm() < options.stop_m && std::abs(step(2)) < options.stop_rad) break;
+  }
+  result.match.health.line_ratio = static_cast<double>(result.associated) / static_cast<double>(points.size());
+  return result;
+}
+
+}  // namespace submapd

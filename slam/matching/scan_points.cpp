@@ -1,0 +1,145 @@
+#include "slam/matching/scan_points.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace submapd {
+namespace {
+
+constexpr float kVoxel_m = 0.10F;        // surface cell the density weight refers to
+constexpr double kMixedPixelJump_m = 0.10;
+
+// Slope of the surface between two neighbouring beams against the ray, from their ranges.
+double slope_angle(double range, double neighbour, double step_rad) {
+  return std::atan2(neighbour * std::sin(step_rad), std::abs(range - neighbour * std::cos(step_rad)));
+}
+
+}  // namespace
+
+ScanPoints::ScanPoints(const ScanPointOptions& options, int max_beams)
+    : options_(options), max_beams_(static_cast<std::size_t>(max_beams)) {
+  all_.reserve(max_beams_);
+  thinned_.reserve(max_beams_);
+  beams_.reserve(max_beams_);
+  usable_.reserve(max_beams_);
+  ranges_scratch_.reserve(max_beams_);
+  directions_.reserve(max_beams_);
+}
+
+void ScanPoints::update_table(const ScanGeometry& geometry, std::size_t beams) {
+  if (directions_.size() == beams && table_geometry_ == geometry) return;
+  table_geometry_ = geometry;
+  directions_.resize(beams);
+  for (std::size_t i = 0; i < beams; ++i) {
+    const double angle =
+        geometry.first_angle_rad + static_cast<double>(i) * geometry.angle_step_rad + geometry.base_from_sensor.yaw;
+    directions_[i] = Eigen::Vector2f(static_cast<float>(std::cos(angle)), static_cast<float>(std::sin(angle)));
+  }
+}
+
+void ScanPoints::assign(const Scan& scan, const Twist2& twist) {
+  const ScanGeometry& g = scan.geometry;
+  const std::size_t n = std::min(scan.ranges_mm.size(), max_beams_);
+  update_table(g, n);
+  angle_step_rad_ = std::abs(g.angle_step_rad);
+  all_.clear();
+  beams_.clear();
+  usable_.assign(n, 0);
+
+  const double min_mm = g.range_min_m * 1e3;
+  const double max_mm = std::min(g.range_max_m * 1e3, 65535.0);
+  for (std::size_t i = 0; i < n; ++i) {
+    const double r = scan.ranges_mm[i];
+    usable_[i] = r > kErrorCode_mm && r >= min_mm && r < max_mm ? 1 : 0;
+  }
+  // Mixed pixels: a veil between foreground and background lies along the ray on both sides.
+  for (std::size_t i = 1; i + 1 < n; ++i) {
+    if (usable_[i] == 0 || usable_[i - 1] == 0 || usable_[i + 1] == 0) continue;
+    const double r = scan.ranges_mm[i] * 1e-3;
+    const double before = scan.ranges_mm[i - 1] * 1e-3;
+    const double after = scan.ranges_mm[i + 1] * 1e-3;
+    const bool monotone = (before < r) == (r < after);
+    if (monotone && std::abs(r - before) > kMixedPixelJump_m && std::abs(r - after) > kMixedPixelJump_m &&
+        slope_angle(r, before, angle_step_rad_) < options_.mixed_pixel_rad &&
+        slope_angle(r, after, angle_step_rad_) < options_.mixed_pixel_rad) {
+      usable_[i] = 2;  // free up to there, but no hit
+    }
+  }
+
+  const double sweep = g.sweep_s;
+  const auto sensor_x = static_cast<float>(g.base_from_sensor.x);
+  const auto sensor_y = static_cast<float>(g.base_from_sensor.y);
+  const double per_beam = n > 1 ? sweep / static_cast<double>(n - 1) : 0.0;
+  const Pose2 middle = exp_twist(twist, 0.5 * sweep);
+  const Eigen::Vector2d origin = transform(middle, g.base_from_sensor.translation());
+  origin_ = origin.cast<float>();
+
+  double square_sum = 0.0;
+  ranges_scratch_.clear();
+  for (std::size_t i = 0; i < n; ++i) {
+    BeamEnd end;
+    const bool code_free = options_.error_code_is_free && scan.ranges_mm[i] == kErrorCode_mm;
+    if (usable_[i] == 0 && !code_free) {
+      beams_.push_back(end);
+      continue;
+    }
+    const float range = code_free ? static_cast<float>(g.range_max_m) : static_cast<float>(scan.ranges_mm[i]) * 1e-3F;
+    const float bx = sensor_x + range * directions_[i].x();
+    const float by = sensor_y + range * directions_[i].y();
+    // Exp(xi tau) to second order: |omega tau| stays below 0.05 rad for any cart.
+    const double tau = per_beam * static_cast<double>(i);
+    const auto phi = static_cast<float>(twist.wz * tau);
+    const auto tx = static_cast<float>(twist.vx * tau);
+    const auto ty = static_cast<float>(twist.vy * tau);
+    const float c = 1.0F - 0.5F * phi * phi;
+    const float shift_x = tx - 0.5F * phi * ty;
+    const float shift_y = ty + 0.5F * phi * tx;
+    end.x = c * bx - phi * by + shift_x;
+    end.y = phi * bx + c * by + shift_y;
+    end.range_m = range;
+    end.hit = usable_[i] == 1;
+    beams_.push_back(end);
+    if (!end.hit) continue;
+    ScanPoint point;
+    point.x = end.x;
+    point.y = end.y;
+    point.range_m = range;
+    point.view_x = -(c * directions_[i].x() - phi * directions_[i].y());
+    point.view_y = -(phi * directions_[i].x() + c * directions_[i].y());
+    all_.push_back(point);
+    square_sum += static_cast<double>(range) * static_cast<double>(range);
+    ranges_scratch_.push_back(range);
+  }
+  rms_range_m_ = all_.empty() ? 0.0 : std::sqrt(square_sum / static_cast<double>(all_.size()));
+  far_range_m_ = 0.0;
+  if (!ranges_scratch_.empty()) {
+    const auto far = ranges_scratch_.begin() + static_cast<std::ptrdiff_t>(0.95 * static_cast<double>(all_.size() - 1));
+    std::nth_element(ranges_scratch_.begin(), far, ranges_scratch_.end());
+    far_range_m_ = static_cast<double>(*far);
+  }
+  // Inverse root of the number of beams that fall on one surface cell, from the spacing to the next point.
+  for (std::size_t i = 0; i < all_.size(); ++i) {
+    const ScanPoint& next = all_[i + 1 < all_.size() ? i + 1 : i - (i > 0 ? 1 : 0)];
+    const float spacing = std::hypot(next.x - all_[i].x, next.y - all_[i].y);
+    all_[i].weight = std::sqrt(std::clamp(spacing / kVoxel_m, 0.02F, 1.0F));
+  }
+  thin();
+}
+
+void ScanPoints::thin() {
+  thinned_.clear();
+  if (all_.empty()) return;
+  // Length of the seen contour without its jumps decides the spacing that leaves about thin_to points.
+  float length = 0.0F;
+  for (std::size_t i = 1; i < all_.size(); ++i) {
+    length += std::min(std::hypot(all_[i].x - all_[i - 1].x, all_[i].y - all_[i - 1].y), 0.3F);
+  }
+  const float spacing = std::max(static_cast<float>(options_.min_spacing_m), length / static_cast<float>(options_.thin_to));
+  thinned_.push_back(all_.front());
+  for (const ScanPoint& p : all_) {
+    const ScanPoint& last = thinned_.back();
+    if (std::hypot(p.x - last.x, p.y - last.y) >= spacing) thinned_.push_back(p);
+  }
+}
+
+}  // namespace submapd

@@ -1,0 +1,129 @@
+#include "slam/graph/internal/final_graph.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <map>
+#include <set>
+
+#include "tests/unit/graph/simulated_run.hpp"
+
+namespace submapd::graph {
+namespace {
+
+using submapd::testing::ring_path;
+using submapd::testing::SimulatedRun;
+using submapd::testing::SimulatedRunOptions;
+
+// The model as the live part would have it, poses taken from `poses_of`; every pair of neighbours tied by landmarks.
+GraphModel model_of(const SimulatedRun& run) {
+  GraphModel model;
+  const PairTools tools = run.tools();
+  for (const auto& submap : run.submaps()) {
+    model.submaps.push_back(make_record(*submap, tools.make_outline(*submap)));
+    const std::size_t k = model.submaps.size() - 1;
+    ChainLink link;
+    if (k > 0) {
+      link = make_link(model.submaps[k - 1], model.submaps[k], submap->linked_to_previous);
+      const auto& before = *run.submaps()[k - 1];
+      if (link.linked) link.landmarks = tools.choose_landmarks(before, *submap, tools.refine(before, *submap, {}));
+    }
+    model.poses.push_back(k == 0 ? submap->odom_from_submap : compose(model.poses.back(), link.edge.mean));
+    model.links.push_back(std::move(link));
+  }
+  return model;
+}
+
+double largest_move(const std::vector<OptimizedKeyframe>& before, const std::vector<OptimizedKeyframe>& after) {
+  double largest = 0.0;
+  for (std::size_t k = 0; k < before.size(); ++k) {
+    const Pose2 move = between(before[k].map_from_base, after[k].map_from_base);
+    largest = std::max({largest, move.translation().norm(), std::abs(move.yaw)});
+  }
+  return largest;
+}
+
+TEST(FinalGraph, AKeyframeInTwoSubmapsIsOneVariable) {
+  const SimulatedRun run(ring_path(160.0, 0.5), {});
+  const TrackGraph graph = build_track_graph(model_of(run));
+  ASSERT_EQ(graph.track.size(), run.truth().size());
+  EXPECT_EQ(graph.chain.size(), graph.track.size() - 1);
+  for (std::size_t k = 0; k < graph.track.size(); ++k) EXPECT_EQ(graph.track[k].scan_index, k);
+}
+
+TEST(FinalGraph, AnExactGraphStaysWhereItIs) {
+  SimulatedRunOptions exact;
+  exact.step_sigma_m = exact.step_sigma_rad = 0.0;
+  exact.match_noise = 0.0;
+  const SimulatedRun run(ring_path(160.0, 1.0), exact);
+  TrackGraph graph = build_track_graph(model_of(run));
+  const auto before = graph.track;
+  const auto summary = solve_track_graph(graph);
+  ASSERT_TRUE(summary) << summary.error().message();
+  EXPECT_LT(largest_move(before, graph.track), 1e-6);
+  EXPECT_LT(summary->final_cost, 1e-9);
+}
+
+// Landmarks wrong by 1 cm must not bend what the scan matcher held together: what is looked at is the shape of each
+// sub-map, its far end seen from its first key-frame.
+TEST(FinalGraph, LandmarksOffByACentimetreDoNotBendSubmaps) {
+  double worst = 0.0;
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    SimulatedRunOptions options;
+    options.seed = seed;
+    options.step_sigma_m = options.step_sigma_rad = 0.0;
+    const SimulatedRun run(ring_path(160.0, 0.7), options);
+    TrackGraph graph = build_track_graph(model_of(run));
+    const auto before = graph.track;
+    ASSERT_TRUE(solve_track_graph(graph));
+    for (std::size_t k = 0; k + 1 < graph.first_of_submap.size(); ++k) {
+      const std::size_t first = graph.first_of_submap[k];
+      const std::size_t last = std::min(graph.track.size() - 1, first + 65);
+      const Pose2 shape = between(before[first].map_from_base, before[last].map_from_base);
+      const Pose2 bent = between(graph.track[first].map_from_base, graph.track[last].map_from_base);
+      worst = std::max(worst, (shape.translation() - bent.translation()).norm());
+    }
+  }
+  std::printf("worst bend of a 20 m sub-map under 1 cm landmark noise: %.1f mm\n", 1e3 * worst);
+  EXPECT_LT(worst, 0.015);
+}
+
+TEST(FinalGraph, ExportHoldsTogether) {
+  SimulatedRunOptions options;
+  options.breaks = {5};
+  const SimulatedRun run(ring_path(160.0, 1.0), options);
+  TrackGraph graph = build_track_graph(model_of(run));
+  ASSERT_TRUE(solve_track_graph(graph));
+  const GraphExport out = export_graph(graph);
+  std::map<std::uint64_t, Pose2> poses;
+  std::map<std::uint64_t, Eigen::Vector2d> points;
+  for (const GraphPose& vertex : out.poses) EXPECT_TRUE(poses.emplace(vertex.id, vertex.pose).second) << vertex.id;
+  for (const GraphPoint& vertex : out.points) {
+    EXPECT_TRUE(points.emplace(vertex.id, vertex.point).second) << vertex.id;
+    EXPECT_EQ(poses.count(vertex.id), 0U) << "ids of different kinds collide";
+  }
+  double chi2 = 0.0;
+  std::set<std::uint64_t> tied;
+  for (const GraphPoseEdge& edge : out.pose_edges) {
+    ASSERT_EQ(poses.count(edge.from) + poses.count(edge.to), 2U);
+    const Pose2 off = between(edge.measurement, between(poses[edge.from], poses[edge.to]));
+    const Eigen::Vector3d e(off.x, off.y, off.yaw);
+    chi2 += e.dot(edge.information * e);
+    tied.insert({edge.from, edge.to});
+  }
+  for (const GraphPointEdge& edge : out.point_edges) {
+    ASSERT_EQ(poses.count(edge.from) + points.count(edge.to), 2U);
+    const Eigen::Vector2d e = transform(inverse(poses[edge.from]), points[edge.to]) - edge.measurement;
+    chi2 += e.dot(edge.information * e);
+    tied.insert(edge.to);
+  }
+  EXPECT_TRUE(std::isfinite(chi2));
+  EXPECT_GT(chi2, 0.0);
+  EXPECT_EQ(tied.size(), poses.size() + points.size()) << "every vertex hangs on an edge";
+  ASSERT_EQ(out.fixed.size(), 1U);
+  EXPECT_EQ(out.fixed[0], track_point_id(0));
+}
+
+}  // namespace
+}  // namespace submapd::graph

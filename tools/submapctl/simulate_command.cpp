@@ -1,0 +1,165 @@
+// submapctl simulate: a world, a cart and a laser scanner; writes a log and its exact truth.
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <memory>
+#include <string>
+
+#include "tools/sim/floor_plan.hpp"
+#include "tools/sim/office.hpp"
+#include "tools/sim/scan_sink.hpp"
+#include "tools/sim/simulator.hpp"
+#include "tools/sim/tour_planner.hpp"
+#include "tools/submapctl/commands.hpp"
+
+namespace submapd::tools {
+namespace {
+
+struct SimulateArguments {
+  std::string world;
+  std::string out;
+  std::string waypoints;
+  double resolution_m = 0.05;
+  std::uint64_t seed = 1;
+  double minutes = 0.0;
+  double speed_m_s = 1.5;
+  bool odometry = false;
+  bool no_noise = false;
+  std::string format = "clf";
+};
+
+int report(const Status& status) {
+  fmt::print(stderr, "submapctl simulate: {}\n", status.message());
+  const bool users = status.code() == StatusCode::kInvalidArgument || status.code() == StatusCode::kCorrupt ||
+                     status.code() == StatusCode::kNotFound;
+  return users ? 2 : 1;
+}
+
+Status write_run(Simulator& simulator, ScanSink& log, ScanSink& truth) {
+  const bool progress = isatty(STDERR_FILENO) == 1;
+  while (const std::optional<Scan> scan = simulator.next()) {
+    const Pose2 pose = simulator.truth(scan->stamp_us);
+    for (ScanSink* sink : {&log, &truth}) {
+      if (Status status = sink->write(*scan, pose); !status.ok()) {
+        return status;
+      }
+    }
+    if (progress && (scan->index % 400 == 0 || scan->index + 1 == simulator.scan_count())) {
+      fmt::print(stderr, "\r{} of {} scans", scan->index + 1, simulator.scan_count());
+    }
+  }
+  if (progress) {
+    fmt::print(stderr, "\n");
+  }
+  if (Status status = log.finish(); !status.ok()) {
+    return status;
+  }
+  return truth.finish();
+}
+
+struct Scene {
+  std::shared_ptr<const World> world;
+  Route route;
+};
+
+Expected<Route> read_route(const std::string& path) {
+  const Expected<std::string> text = read_text_file(path);
+  if (!text) {
+    return failure(text.error());
+  }
+  auto waypoints = parse_waypoints(*text, path);
+  if (!waypoints) {
+    return failure(waypoints.error());
+  }
+  constexpr double kClosed_m = 0.5;
+  Route route;
+  route.closed = waypoints->size() > 2 && (waypoints->front() - waypoints->back()).norm() < kClosed_m;
+  route.waypoints = std::move(*waypoints);
+  return route;
+}
+
+Expected<Scene> make_scene(const SimulateArguments& arguments) {
+  const bool office = arguments.world == "office";
+  Expected<FloorPlan> plan = office ? FloorPlan{office_world(), World({}), {}}
+                                    : load_floor_plan(arguments.world, arguments.resolution_m);
+  if (!plan) {
+    return failure(plan.error());
+  }
+  TourOptions tour;
+  tour.seed = arguments.seed;
+  Expected<Route> route = !arguments.waypoints.empty() ? read_route(arguments.waypoints)
+                          : office                     ? office_tour()
+                                                       : plan_tour(*plan, tour);
+  if (!route) {
+    return failure(route.error());
+  }
+  return Scene{std::make_shared<const World>(std::move(plan->world)), std::move(*route)};
+}
+
+int simulate(const SimulateArguments& arguments) {
+  const Expected<Scene> scene = make_scene(arguments);
+  if (!scene) {
+    return report(scene.error());
+  }
+
+  MotionOptions motion_options;
+  motion_options.seed = arguments.seed;
+  motion_options.duration_s = 60.0 * arguments.minutes;
+  motion_options.speed_m_s = arguments.speed_m_s;
+  Expected<Motion> motion = Motion::along(scene->route, motion_options);
+  if (!motion) {
+    return report(motion.error());
+  }
+  SimulatorOptions options;
+  options.seed = arguments.seed;
+  options.sensor.noise = !arguments.no_noise;
+  if (arguments.odometry) {
+    options.odometry = OdometryOptions{};
+  }
+  const auto cart = std::make_shared<const Motion>(std::move(*motion));
+  Simulator simulator(scene->world, cart, options);
+
+  auto log = open_clf_sink(arguments.out + "." + arguments.format);
+  if (!log) {
+    return report(log.error());
+  }
+  auto truth = open_truth_sink(arguments.out + ".truth.tum");
+  if (!truth) {
+    return report(truth.error());
+  }
+  if (const Status status = write_run(simulator, **log, **truth); !status.ok()) {
+    return report(status);
+  }
+  fmt::print("{}.{}: {} scans, {:.1f} s, {:.1f} m of way, {} walls, seed {}\n", arguments.out, arguments.format,
+             simulator.scan_count(), cart->duration_s(), cart->length_m(), scene->world->segments().size(), arguments.seed);
+  return 0;
+}
+
+}  // namespace
+
+void register_simulate(CLI::App& app, CommandRun& run) {
+  auto arguments = std::make_shared<SimulateArguments>();
+  CLI::App* command = app.add_subcommand("simulate", "Write the log and the truth of a simulated run");
+  command->add_option("world", arguments->world, "office, or a file of walls .csv or a grey map .pgm, .pgm.gz")->required();
+  command->add_option("--out", arguments->out, "Prefix of the files written: PREFIX.clf and PREFIX.truth.tum")
+      ->required();
+  command->add_option("--resolution", arguments->resolution_m, "Metres a cell of a grey map")
+      ->check(CLI::Range(0.001, 10.0))
+      ->capture_default_str();
+  command->add_option("--waypoints", arguments->waypoints, "File of way-points, x,y a line; without it a tour is planned");
+  command->add_option("--seed", arguments->seed, "Seed of all noise")->capture_default_str();
+  command->add_option("--minutes", arguments->minutes, "Duration; the tour is repeated or cut; without it, one tour")
+      ->check(CLI::Range(0.1, 1440.0));
+  command->add_option("--speed", arguments->speed_m_s, "Top speed in m/s")
+      ->check(CLI::Range(0.05, 5.0))
+      ->capture_default_str();
+  command->add_flag("--odometry", arguments->odometry, "Write noisy wheel odometry into the log");
+  command->add_flag("--no-noise", arguments->no_noise, "Exact ranges, none missing");
+  command->add_option("--format", arguments->format, "Format of the log")
+      ->check(CLI::IsMember({"clf", "clf.gz"}))
+      ->capture_default_str();
+  command->callback([arguments, &run] { run = [arguments] { return simulate(*arguments); }; });
+}
+
+}  // namespace submapd::tools
