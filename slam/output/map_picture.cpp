@@ -199,7 +199,7 @@ double legend(Canvas* canvas, std::span<const LegendItem> items, const Sizes& si
       const Vector2d label_at = middle + Vector2d(item.symbol_px + gap, -sizes.text_height() / 2.0);
       canvas->text(label_at, item.label, sizes.dot(), sizes.stroke(), kInk);
     }
-    at.x() += item_px + 26.0 * sizes.unit;
+    at.x() += item_px + 21.0 * sizes.unit;
   }
   return at.y() + sizes.row() - top;
 }

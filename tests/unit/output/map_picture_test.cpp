@@ -250,7 +250,7 @@ class FileSizeLimit {
 TEST(MapPictureTest, AFullDiskInTheMiddleOfTheFileIsAnErrorAndLeavesNothing) {
   const ScratchFolder folder;
   const MapImage map = room(100, 80, 0);
-  for (const rlim_t bytes : {0, 20, 1000, 3000}) {
+  for (const rlim_t bytes : {0U, 20U, 1000U, 3000U}) {
     Status status;
     {
       const FileSizeLimit limit(bytes);
