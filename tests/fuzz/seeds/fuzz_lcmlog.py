@@ -6,7 +6,8 @@ import sys
 
 
 def event(channel: bytes, data: bytes, channel_bytes=None, data_bytes=None) -> bytes:
-    lengths = (len(channel) if channel_bytes is None else channel_bytes, len(data) if data_bytes is None else data_bytes)
+    lengths = (len(channel) if channel_bytes is None else channel_bytes,
+               len(data) if data_bytes is None else data_bytes)
     return struct.pack(">IqqII", 0xEDA1DA01, 7, 1000, *lengths) + channel + data
 
 
