@@ -72,9 +72,13 @@ TEST(Pgm, AnyBytesGiveAMapOrAnError) {
   const bool holds = rc::check("parse_pgm and parse_wall_csv", [](const std::string& noise, bool binary, bool header) {
     const std::string bytes = (header ? (binary ? "P5 3 2 255\n" : "P2 3 2 255\n") : "") + noise;
     const auto map = parse_pgm(bytes, "noise", 0.05);
-    RC_ASSERT(!map || map->grey.size() == static_cast<std::size_t>(map->width) * static_cast<std::size_t>(map->height));
+    if (map) {
+      RC_ASSERT(map->grey.size() == static_cast<std::size_t>(map->width) * static_cast<std::size_t>(map->height));
+    }
     const auto walls = parse_wall_csv(noise, "noise");
-    RC_ASSERT(!walls || !walls->empty());
+    if (walls) {
+      RC_ASSERT(!walls->empty());
+    }
   });
   EXPECT_TRUE(holds);
 }

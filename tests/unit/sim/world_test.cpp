@@ -87,7 +87,7 @@ TEST(World, EmptyAndOnePointWorldsAreNeverHit) {
 TEST(World, OfficeAsBruteForce) {
   const World world = office_world();
   CounterRandom random(1, 2, 3);
-  for (int i = 0; i < 5000; ++i) {
+  for (int i = 0; i < 2000; ++i) {
     // Also from outside.
     const Eigen::Vector2d origin(random.uniform(-5.0, 45.0), random.uniform(-5.0, 30.0));
     expect_same(world, origin, random.uniform(-4.0, 4.0), 30.0);
@@ -136,7 +136,9 @@ TEST(World, RandomWallsAsBruteForce) {
       const std::optional<double> expected = brute_force(world, origin, along, size);
       const std::optional<RayHit> hit = world.cast(origin, along, size);
       RC_ASSERT(hit.has_value() == expected.has_value());
-      RC_ASSERT(!hit || hit->range_m == *expected);
+      if (hit) {  // RC_ASSERT evaluates both sides of ||
+        RC_ASSERT(hit->range_m == *expected);
+      }
       double nearest = size;
       for (const Segment& wall : walls) {
         nearest = std::min(nearest, distance_to(wall, origin));
