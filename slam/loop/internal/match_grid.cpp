@@ -142,4 +142,35 @@ std::int32_t MatchGrid::sum(int level, std::span<const PointCell> points, int x,
   return total;
 }
 
+std::array<std::int32_t, 4> MatchGrid::sum4(int level, std::span<const PointCell> points, int x, int y,
+                                            int step) const {
+  const Level& plane = levels_[static_cast<std::size_t>(level)];
+  const int shift = plane.shift;
+  const int bias = plane.bias;
+  const int apart = step >> shift;
+  const std::uint8_t* values = plane.values.data();
+  const int width = plane.width;
+  const auto inner_width = static_cast<unsigned>(std::max(0, width - apart));
+  const auto inner_height = static_cast<unsigned>(std::max(0, plane.height - apart));
+  std::array<std::int32_t, 4> total{};
+  for (const PointCell& point : points) {
+    const int column = ((point.x + x) >> shift) + bias;
+    const int row = ((point.y + y) >> shift) + bias;
+    if (static_cast<unsigned>(column) < inner_width && static_cast<unsigned>(row) < inner_height) {
+      const std::uint8_t* first = values + row * width + column;
+      const std::uint8_t* second = first + apart * width;
+      total[0] += first[0];
+      total[1] += first[apart];
+      total[2] += second[0];
+      total[3] += second[apart];
+    } else if (column + apart >= 0 && row + apart >= 0 && column < width && row < plane.height) {
+      total[0] += plane.at(column, row);
+      total[1] += plane.at(column + apart, row);
+      total[2] += plane.at(column, row + apart);
+      total[3] += plane.at(column + apart, row + apart);
+    }
+  }
+  return total;
+}
+
 }  // namespace submapd::internal

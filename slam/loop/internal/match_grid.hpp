@@ -1,6 +1,7 @@
 // Score plane of a sub-map and its pyramid of upper bounds (Olson 2009; design notes 9.1).
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -31,6 +32,11 @@ class MatchGrid {
 
   // Sum over the points of level `level` at (point + (x, y)).
   [[nodiscard]] std::int32_t sum(int level, std::span<const PointCell> points, int x, int y) const;
+
+  // The four sums at (x, y), (x + step, y), (x, y + step), (x + step, y + step), step a multiple of the level's stride:
+  // the children of a node in one pass, twice as fast as four.
+  [[nodiscard]] std::array<std::int32_t, 4> sum4(int level, std::span<const PointCell> points, int x, int y,
+                                                 int step) const;
 
   // Value of one cell of a level at level-0 coordinates.
   [[nodiscard]] std::uint8_t value(int level, int x, int y) const;

@@ -91,14 +91,13 @@ void PlacementSearch::descend(const Node& node, int level, Best& best) const {
   const int half = 1 << (level - 1);
   std::array<Node, 4> children{};
   std::size_t count = 0;
+  const std::array<std::int32_t, 4> bounds = grid_.sum4(level - 1, points_at(node.angle), node.x, node.y, half);
   for (int i = 0; i < 4; ++i) {
     const int x = node.x + (i & 1) * half;
     const int y = node.y + (i >> 1) * half;
-    if (x > half_x_ || y > half_y_) {
-      continue;  // the last roots reach past the window
-    }
-    const std::int32_t bound = grid_.sum(level - 1, points_at(node.angle), x, y);
-    if (bound > best.score) {
+    const bool inside = x <= half_x_ && y <= half_y_;  // the last roots reach past the window
+    const std::int32_t bound = bounds[static_cast<std::size_t>(i)];
+    if (inside && bound > best.score) {
       children[count++] = {bound, node.angle, x, y};
     }
   }
