@@ -10,7 +10,6 @@ namespace submapd::tools::test {
 namespace {
 
 using ::testing::HasSubstr;
-using ::testing::SizeIs;
 
 // An event whose header claims other lengths than it has.
 std::string lying_event(std::uint32_t channel_bytes, std::uint32_t data_bytes, const std::string& rest) {
@@ -49,7 +48,8 @@ TEST(LcmTest, GarbageBetweenEventsIsSkipped) {
   const std::vector<std::string> pieces = {std::string("\xED\xA1\xDA", 3), std::string("\xED\xA1\xDA\x01", 4), "x",
                                            std::string(100'000, '\xED')};
   for (const auto& garbage : pieces) {
-    const auto log = read_bytes(garbage + lcm_event("SCAN", "7") + garbage + lcm_event("SCAN", "8") + garbage);
+    const auto log =
+        read_bytes(fmt::format("{0}{1}{0}{2}{0}", garbage, lcm_event("SCAN", "7"), lcm_event("SCAN", "8")));
     EXPECT_EQ(stamps(log), (std::vector<std::int64_t>{7, 8})) << garbage.size();
     EXPECT_EQ(log.summary.skipped_records, 3U) << garbage.size();
     EXPECT_EQ(log.summary.skipped_bytes, 3 * garbage.size());
