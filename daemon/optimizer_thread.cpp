@@ -61,7 +61,8 @@ OptimizerThread::OptimizerThread(OptimizerThreadOptions options, lcm::LCM& lcm, 
       wake_up_(std::make_unique<WakeUp>()),
       assembler_(options_.cart, options_.run, std::move(known_hash), options_.chunk_bytes_limit) {
   if (lcm_.good()) {
-    subscription_ = lcm_.subscribe(options_.channels.submap, &OptimizerThread::on_chunk, this);
+    // Not subscribe() with a method: g++ 12's -fsanitize=vptr misjudges the method call in LCM's header.
+    subscription_ = lcm_.subscribeFunction(options_.channels.submap, &OptimizerThread::on_chunk, this);
     subscription_->setQueueCapacity(options_.queue_capacity);
   }
   thread_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
@@ -278,8 +279,9 @@ void OptimizerThread::publish_graph(const GraphState& state, const FinishedSubma
   ++(sent ? counters_.graphs_published : counters_.publish_errors);
 }
 
-void OptimizerThread::on_chunk(const lcm::ReceiveBuffer* buffer, const std::string& /*channel*/) {
-  complete_ = assembler_.add({static_cast<const std::byte*>(buffer->data), buffer->data_size});
+void OptimizerThread::on_chunk(const lcm::ReceiveBuffer* buffer, const std::string& /*channel*/,
+                               OptimizerThread* self) {
+  self->complete_ = self->assembler_.add({static_cast<const std::byte*>(buffer->data), buffer->data_size});
 }
 
 void OptimizerThread::answer_finish() {

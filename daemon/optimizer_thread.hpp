@@ -95,7 +95,7 @@ class OptimizerThread {
   [[nodiscard]] Status read_lost(std::uint32_t end, const std::stop_token& stop);
   [[nodiscard]] Status feed(const std::shared_ptr<const FinishedSubmap>& submap);
   void publish_graph(const GraphState& state, const FinishedSubmap& newest);
-  void on_chunk(const lcm::ReceiveBuffer* buffer, const std::string& channel);
+  static void on_chunk(const lcm::ReceiveBuffer* buffer, const std::string& channel, OptimizerThread* self);
   void answer_finish();
 
   const OptimizerThreadOptions options_;

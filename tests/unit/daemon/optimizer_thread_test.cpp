@@ -5,7 +5,10 @@
 #include <gtest/gtest.h>
 
 #include <chrono>
+#include <optional>
+#include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "proto/graph_conversion.hpp"
@@ -216,12 +219,13 @@ TEST_F(OptimizerThreadTest, WaitersOnSeveralThreads) {
   for (std::thread& waiter : waiters) waiter.join();
 }
 
-class GraphListener {
- public:
-  void on_graph(const lcm::ReceiveBuffer* buffer, const std::string& /*channel*/) {
+struct GraphListener {
+  static void on_graph(const lcm::ReceiveBuffer* buffer, const std::string& /*channel*/, GraphListener* self) {
     Expected<GraphPart> part = decode_graph_part({static_cast<const std::byte*>(buffer->data), buffer->data_size});
     ASSERT_TRUE(part.has_value());
-    if (std::optional<GraphState> state = assembler.add(std::move(*part))) versions.push_back(state->version);
+    if (std::optional<GraphState> state = self->assembler.add(std::move(*part))) {
+      self->versions.push_back(state->version);
+    }
   }
   GraphAssembler assembler;
   std::vector<std::uint32_t> versions;
@@ -229,7 +233,7 @@ class GraphListener {
 
 TEST_F(OptimizerThreadTest, GraphIsPublished) {
   GraphListener listener;
-  rig.sender().subscribe(rig.options.channels.graph, &GraphListener::on_graph, &listener);
+  rig.sender().subscribeFunction(rig.options.channels.graph, &GraphListener::on_graph, &listener);
   rig.start();
   for (std::uint32_t i = 0; i < 3; ++i) {
     ASSERT_TRUE(rig.save_and_send(i));
