@@ -1,7 +1,7 @@
 #include "slam/filter/mapper.hpp"
 
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -19,6 +19,7 @@ constexpr double kMinWindow_rad = 0.1745;   // ... and 10 deg
 constexpr double kMaxWindow_m = 1.2;
 constexpr double kMaxWindow_rad = 1.2217;   // 70 deg
 constexpr double kWindowSigmas = 2.5;
+constexpr double kSecondPlaceLoss = 3.0;    // log posterior: less likely by more than this is no hypothesis
 constexpr double kSearchedPrior_m = 0.5;    // after a search the prediction says little more
 constexpr double kSearchedPrior_rad = 0.5;
 constexpr double kLostBreak_s = 0.6;        // this long without a match: the map goes on in a new sub-map
@@ -26,7 +27,8 @@ constexpr int kLostBreakScans = 5;
 constexpr double kReunwarp_m_s = 0.05;
 constexpr double kReunwarp_rad_s = 0.0524;
 constexpr double kAxialLockSigma_m = 1e-4;
-constexpr double kWeakSigma_m = 0.02;
+constexpr double kSamePeak_m = 0.10;       // two descents that end closer than this found the same place
+constexpr double kSamePeak_rad = 0.0349;
 constexpr int kWeakScans = 10;
 
 double entropy_of(const Eigen::Matrix3d& covariance) {
@@ -184,7 +186,14 @@ struct Mapper::Impl {
     return fit.known_ratio < kMinKnownRatio || fit.matched_ratio >= kGoodMatch;
   }
 
-  // Wide search about the prediction, then both stages again with hardly any prior.
+  // Log of what the map and the motion model together say about a pose, up to a constant.
+  [[nodiscard]] double log_posterior(const Particle& p, const Pose2& pose, const MotionPrior& prior) const {
+    const Eigen::Vector3d off(pose.x - prior.pose.x, pose.y - prior.pose.y, wrap_angle(pose.yaw - prior.pose.yaw));
+    return likelihood.log_likelihood(points.thinned(), field_of(p), options.map.cell_m, pose) -
+           0.5 * off.dot(prior.information * off);
+  }
+
+  // Wide search about the prediction, then both stages again; what was matched before stays if it is the likelier place.
   CorrelativeResult search_about(Particle& p, const Eigen::Vector3d& sigma) {
     SearchWindow window;
     const double widen = 1.0 + static_cast<double>(std::min(lost_scans, 6)) * 0.5;
@@ -194,14 +203,23 @@ struct Mapper::Impl {
     const CorrelativeResult found = search.search(points.thinned(), points.far_range_m(), field_of(p),
                                                   options.map.cell_m, p.prior.pose, window);
     ++counters.searches;
-    const MotionPrior predicted = p.prior;
-    p.prior.pose = found.pose;
-    p.prior.information =
-        Eigen::Vector3d(1.0 / (kSearchedPrior_m * kSearchedPrior_m), 1.0 / (kSearchedPrior_m * kSearchedPrior_m),
-                        1.0 / (kSearchedPrior_rad * kSearchedPrior_rad))
-            .asDiagonal();
+    const MatchResult descended = p.match;
+    const MotionPrior motion = p.prior;
     match(p, found.pose);
-    p.prior.pose = predicted.pose;
+    if (between(p.match.pose, found.pose).translation().norm() > kSamePeak_m) {
+      // The motion model pulled it out of the place that was found: look at that place on its own.
+      p.prior.pose = found.pose;
+      p.prior.information =
+          Eigen::Vector3d(1.0 / (kSearchedPrior_m * kSearchedPrior_m), 1.0 / (kSearchedPrior_m * kSearchedPrior_m),
+                          1.0 / (kSearchedPrior_rad * kSearchedPrior_rad))
+              .asDiagonal();
+      match(p, found.pose);
+      p.prior.pose = motion.pose;
+    }
+    if (log_posterior(p, descended.pose, motion) >= log_posterior(p, p.match.pose, motion)) {
+      p.match = descended;
+      p.prior = motion;
+    }
     return found;
   }
 
@@ -219,6 +237,10 @@ struct Mapper::Impl {
     const double log_likelihood =
         likelihood.log_likelihood(points.thinned(), field_of(p), options.map.cell_m, mode);
     p.log_weight += log_likelihood + log_prior + 0.5 * std::log(std::max(p.covariance.determinant(), 1e-30));
+    if (options.filter == FilterMode::kAdaptive) {
+      p.pose = mode;  // its particles are few and stand for places, not for the noise about one place
+      return;
+    }
     CounterRandom random(options.seed, scan_index, index);
     const Eigen::Matrix3d root = p.covariance.llt().matrixL();
     const Eigen::Vector3d z(random.gaussian(), random.gaussian(), random.gaussian());
@@ -270,36 +292,50 @@ struct Mapper::Impl {
     return sum;
   }
 
+  // The search's second peak, if it is a place of its own and nearly as likely as the first: descending from it must not
+  // lead to the same pose, and the motion model must allow it.
+  [[nodiscard]] std::optional<Pose2> second_place(const CorrelativeResult* found) const {
+    if (found == nullptr || found->second_score <= options.ambiguous_ratio * found->score) return std::nullopt;
+    const Particle& p = set.best();
+    MotionPrior weak = p.prior;
+    weak.pose = found->second_pose;
+    const Pose2 other = match_scan(points, field_of(p), front->map(), found->second_pose, weak, options.matcher).pose;
+    const Pose2 apart = between(p.match.pose, other);
+    if (std::hypot(apart.x, apart.y) < kSamePeak_m && std::abs(apart.yaw) < kSamePeak_rad) return std::nullopt;
+    const double loss = log_posterior(p, p.match.pose, p.prior) - log_posterior(p, other, p.prior);
+    return loss < kSecondPlaceLoss ? std::optional<Pose2>(other) : std::nullopt;
+  }
+
   // Adaptive: more than one particle only while the posterior needs it.
   void adapt(const CorrelativeResult* found, std::uint64_t scan_index) {
     if (options.filter != FilterMode::kAdaptive) return;
     if (!single()) {
-      const Eigen::Matrix3d spread = posterior_covariance() - set.best().covariance;
-      if (spread.topLeftCorner<2, 2>().trace() < options.collapse_m * options.collapse_m &&
-          spread(2, 2) < options.collapse_rad * options.collapse_rad) {
-        set.coalesce();
-      }
+      // One Gaussian says as much once the particles lie no farther apart than each of them is uncertain.
+      const Eigen::Matrix3d& own = set.best().covariance;
+      const Eigen::Matrix3d spread = posterior_covariance() - own;
+      const double limit_m2 = std::max(options.collapse_m * options.collapse_m, 2.0 * own.topLeftCorner<2, 2>().trace());
+      const double limit_rad2 = std::max(options.collapse_rad * options.collapse_rad, 2.0 * own(2, 2));
+      if (spread.topLeftCorner<2, 2>().trace() < limit_m2 && spread(2, 2) < limit_rad2) set.coalesce();
       return;
     }
-    const bool ambiguous =
-        found != nullptr && found->score > 0.0 && found->second_score > options.ambiguous_ratio * found->score;
-    Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen;
-    eigen.computeDirect(last_covariance.topLeftCorner<2, 2>());
-    const double weak_sigma = std::sqrt(std::max(eigen.eigenvalues()(1), 0.0));
-    weak_scans = degeneracy.active() || weak_sigma > kWeakSigma_m ? weak_scans + 1 : 0;
-    if (!ambiguous && weak_scans <= kWeakScans) return;
+    const std::optional<Pose2> other_place = second_place(found);
+    const bool two_places = other_place.has_value();
+    weak_scans = degeneracy.active() ? weak_scans + 1 : 0;
+    if (!two_places && weak_scans <= kWeakScans) return;
     weak_scans = 0;
-    const double axial = std::min(std::sqrt(degeneracy.axial_variance_m2()) + weak_sigma, 0.5);
+    const double axial = std::min(std::sqrt(degeneracy.axial_variance_m2()), 0.5);
+    if (!two_places && axial < options.collapse_m) return;
     const int wanted = std::clamp(static_cast<int>(std::ceil(6.0 * axial / 0.1)), 8, options.max_adaptive_particles);
     set.spread(wanted, front->map().layer());
-    const Eigen::Vector2d axis = degeneracy.active() ? degeneracy.axis() : Eigen::Vector2d(eigen.eigenvectors().col(1));
     for (std::size_t i = 1; i < set.size(); ++i) {
       Particle& p = set.particles()[i];
-      CounterRandom random(options.seed + 1, scan_index, i);
-      if (ambiguous && i % 2 == 1) p.pose = found->second_pose;
-      const double along = axial * random.gaussian();
-      p.pose.x += axis.x() * along;
-      p.pose.y += axis.y() * along;
+      if (two_places && i % 2 == 1) p.pose = *other_place;
+      if (degeneracy.active()) {
+        CounterRandom random(options.seed + 1, scan_index, i);
+        const Eigen::Vector2d along = axial * random.gaussian() * degeneracy.axis();
+        p.pose.x += along.x();
+        p.pose.y += along.y();
+      }
     }
     normalise();
   }
@@ -422,9 +458,10 @@ ScanReport Mapper::process(const Scan& scan) {
       m.normalise();
       fit = known_fit(m.points, m.field_of(m.set.best()), m.front->map(), m.set.best().pose);
     } else {
-      // Odometry holds the direction that the walls do not: nothing is latched then.
-      if (m.odometry_delta) m.degeneracy.reset();
-      if (m.single() && !m.odometry_delta) {
+      // Odometry holds the direction that the walls do not, and a twist from a slow log is no match for it: no latch then.
+      const bool may_latch = !m.odometry_delta && !low_rate;
+      if (!may_latch) m.degeneracy.reset();
+      if (m.single() && may_latch) {
         const Pose2 predicted = compose(before, m.predict(m.set.best(), step_s).delta);
         const LineSystem at_prediction = line_system(m.points.thinned(), m.front->map().surface(),
                                                      m.points.angle_step_rad(), predicted, o.matcher.lines);
@@ -441,16 +478,9 @@ ScanReport Mapper::process(const Scan& scan) {
         KnownFit own = known_fit(m.points, m.field_of(p), m.front->map(), p.match.pose);
         const bool search_anyway = low_rate && !m.odometry_delta && m.single();
         if (!m.acceptable(own) || search_anyway) {
-          const MatchResult descended = p.match;
-          const Eigen::Vector3d sigma = m.predict(p, step_s).sigma;
-          found = m.search_about(p, sigma);
+          found = m.search_about(p, m.predict(p, step_s).sigma);
           searched = &found;
-          const KnownFit after = known_fit(m.points, m.field_of(p), m.front->map(), p.match.pose);
-          if (after.matched_ratio < own.matched_ratio) {
-            p.match = descended;
-          } else {
-            own = after;
-          }
+          own = known_fit(m.points, m.field_of(p), m.front->map(), p.match.pose);
         }
         if (!m.acceptable(own)) p.match.pose = p.prior.pose;
         if (&p == &particles.front() || own.matched_ratio > fit.matched_ratio) fit = own;

@@ -22,7 +22,7 @@ struct SearchWindow {
 
 struct CorrelativeOptions {
   double sigma_m = 0.075;        // of the score K = exp(-d^2 / 2 sigma^2)
-  int max_points = 200;
+  int max_points = 120;
   int max_nodes = 200000;        // coarse nodes of one search; wider windows take coarser angles
   double prior_weight = 0.05;    // score lost at the window's edge: breaks ties towards the prediction
   double peak_distance_m = 0.3;  // second peak: at least this far from the first ...
