@@ -23,7 +23,7 @@ using graph::LoopRecord;
 
 // The budget of loop work, in matcher runs (notes 10): a few while the cart rolls, the rest when it is done.
 constexpr std::size_t kLiveRuns = 3;
-constexpr std::size_t kFinalRunsPerSubmap = 20;
+constexpr std::size_t kFinalRunsPerSubmap = 6;
 constexpr std::uint32_t kLiveGap = 3;  // nearer ones overlap by construction and teach little
 constexpr std::uint32_t kFinalGap = 2;
 constexpr int kPolicyRounds = 8;  // confirm and solve until nothing more follows

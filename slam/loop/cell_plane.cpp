@@ -66,4 +66,28 @@ std::optional<CellPlane> CellPlane::make(const FinishedSubmap& submap) {
   return plane;
 }
 
+CellPlane CellPlane::halved() const {
+  // Planes consist of whole blocks, so that first cell and extent are even.
+  static_assert(kBlockCells % 2 == 0);
+  CellPlane half;
+  half.cell_m_ = 2.0 * cell_m_;
+  half.x0_ = x0_ / 2;
+  half.y0_ = y0_ / 2;
+  half.width_ = width_ / 2;
+  half.height_ = height_ / 2;
+  const auto width = static_cast<std::size_t>(half.width_);
+  const auto height = static_cast<std::size_t>(half.height_);
+  half.kinds_.resize(width * height);
+  for (std::size_t y = 0; y < height; ++y) {
+    const CellKind* low = &kinds_[4 * y * width];
+    const CellKind* high = low + 2 * width;
+    for (std::size_t x = 0; x < width; ++x) {
+      const CellKind kind = std::max(std::max(low[2 * x], low[2 * x + 1]), std::max(high[2 * x], high[2 * x + 1]));
+      half.kinds_[y * width + x] = kind;
+      half.known_cells_ += kind != CellKind::kUnknown ? 1 : 0;
+    }
+  }
+  return half;
+}
+
 }  // namespace submapd

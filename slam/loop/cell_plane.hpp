@@ -24,6 +24,9 @@ class CellPlane {
   // Nothing if the sub-map is empty or its extent exceeds kMaxPlaneExtent_m.
   [[nodiscard]] static std::optional<CellPlane> make(const FinishedSubmap& submap);
 
+  // The plane with cells twice as wide, each the most telling kind of the four it covers: occupied, doubtful, free.
+  [[nodiscard]] CellPlane halved() const;
+
   [[nodiscard]] double cell_m() const { return cell_m_; }
   [[nodiscard]] int width() const { return width_; }    // cells
   [[nodiscard]] int height() const { return height_; }  // cells

@@ -29,6 +29,8 @@ constexpr double kWeakSigma_m = 0.02;
 constexpr double kLostSigma_m = 5.0;  // a direction without any information is not surer than this
 constexpr double kRefineReach_m = 0.3;
 constexpr double kRefineReach_rad = 0.0524;  // 3 deg
+constexpr double kTightSigma_m = 0.10;       // a prior within both of these puts the alignment into its minimum
+constexpr double kTightSigma_rad = 0.0087;   // 0.5 deg
 constexpr double kDistinct_m = 0.5;          // a second peak is one that far from the best
 constexpr double kDistinct_rad = 0.0873;     // 5 deg
 constexpr double kWideWindow_rad = std::numbers::pi / 3.0;
@@ -136,6 +138,28 @@ double prior_distance2(const SubmapMatch& match, const MatchPrior& prior) {
   return difference.dot(covariance.ldlt().solve(difference));
 }
 
+bool is_tight(const MatchPrior& prior) {
+  return prior.covariance(0, 0) + prior.covariance(1, 1) <= kTightSigma_m * kTightSigma_m &&
+         prior.covariance(2, 2) <= kTightSigma_rad * kTightSigma_rad;
+}
+
+// Aligns the surfaces from `start` and judges the outcome, by the prior as well. Leaves `start` with kLowScore if too
+// little can be paired.
+void judge_placement(const MapView& a, const MapView& b, const Pose2& start, const MatchPrior& prior,
+                     const SubmapMatcherOptions& options, SubmapMatch& match) {
+  const Alignment alignment = internal::align_surfaces(a.surface, b.surface, start, internal::AlignDirection::kBoth,
+                                                       internal::AlignStages::kCoarseToFine);
+  if (alignment.pairs == 0) {
+    match.a_from_b = start;
+    match.verdict = MatchVerdict::kLowScore;
+    return;
+  }
+  verify(a, b, alignment, options, match);
+  if (match.verdict == MatchVerdict::kAccepted && prior_distance2(match, prior) > options.gate_chi2) {
+    match.verdict = MatchVerdict::kGate;
+  }
+}
+
 internal::SearchWindow window_of(const MatchPrior& prior, const FinishedSubmap& a, const FinishedSubmap& b,
                                  double cell_m, double radius_m, const SubmapMatcherOptions& options) {
   const auto half = [](double variance, double low, double high) {
@@ -172,34 +196,30 @@ SubmapMatch SubmapMatcher::search(const FinishedSubmap& a, const FinishedSubmap&
   if (!view_a || !view_b) {
     return match;
   }
+  if (is_tight(prior)) {
+    // The gate would refuse whatever a search could find that the alignment does not, and any second peak with it.
+    judge_placement(*view_a, *view_b, prior.a_from_b, prior, options_, match);
+    return match;
+  }
   const std::vector<Eigen::Vector2d> points = internal::thinned_points(view_b->surface);
   if (points.empty()) {
     return match;
   }
-  const double cell_m = view_a->plane.cell_m();
+  // Searched at twice the cell: the alignment that follows catches what is decimetres off, and a search at full
+  // resolution costs eight times as much.
+  const CellPlane plane = view_a->plane.halved();
+  const double cell_m = plane.cell_m();
   const internal::SearchWindow window = window_of(prior, a, b, cell_m, internal::outer_radius_m(points), options_);
-  const internal::MatchGrid grid(view_a->plane, view_a->surface,
+  const internal::MatchGrid grid(plane, view_a->surface,
                                  internal::levels_for(std::max(window.half_x_m, window.half_y_m), cell_m));
-  const internal::PlacementSearch placements(view_a->plane, grid, points, window);
+  const internal::PlacementSearch placements(plane, grid, points, window);
   const double full_score = 255.0 * static_cast<double>(points.size());
   const auto found = placements.best(static_cast<std::int32_t>(kMinRawShare * full_score), nullptr);
   if (!found) {
     return match;
   }
-  const Alignment alignment =
-      internal::align_surfaces(view_a->surface, view_b->surface, found->a_from_b, internal::AlignDirection::kBoth,
-                               internal::AlignStages::kCoarseToFine);
-  if (alignment.pairs == 0) {
-    match.a_from_b = found->a_from_b;
-    match.verdict = MatchVerdict::kLowScore;
-    return match;
-  }
-  verify(*view_a, *view_b, alignment, options_, match);
+  judge_placement(*view_a, *view_b, found->a_from_b, prior, options_, match);
   if (match.verdict != MatchVerdict::kAccepted) {
-    return match;
-  }
-  if (prior_distance2(match, prior) > options_.gate_chi2) {
-    match.verdict = MatchVerdict::kGate;
     return match;
   }
   const internal::ExclusionZone zone{found->a_from_b, kDistinct_m, kDistinct_rad};

@@ -83,15 +83,15 @@ class Pipeline {
   Expected<FinalResult> finish() {
     mapper_->finish_run();
     if (Status status = hand_on_finished(); !status.ok()) return failure(status);
-    Expected<FinalResult> result = thread_.finish();
     metrics_.mapper = mapper_->counters();
-    metrics_.optimizer = optimizer_.counters();
     metrics_.bytes = mapper_->budgets();
+    mapper_.reset();  // its maps make room for the final graph and for the map that is saved
+    Expected<FinalResult> result = thread_.finish();
+    metrics_.optimizer = optimizer_.counters();
     const BytesUse cache = archive_->cache_bytes();
     metrics_.bytes.push_back({"submap_cache", cache.used, cache.peak, cache.limit});
     metrics_.bytes.push_back({"graph", metrics_.optimizer.bytes_used, metrics_.optimizer.bytes_peak,
                               options_.configuration.graph_bytes});
-    mapper_.reset();  // its maps make room for the one that is saved
     return result;
   }
 

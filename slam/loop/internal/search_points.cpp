@@ -17,7 +17,7 @@ namespace {
 
 constexpr double kThinning_m = 0.10;
 constexpr double kCoarserThinning = 1.3;  // and again, until the points are few enough
-constexpr std::size_t kMaxPoints = 800;
+constexpr std::size_t kMaxPoints = 400;
 constexpr double kOuterShare = 0.95;
 constexpr int kBins = 360;
 constexpr int kMaxPeaks = 8;
