@@ -20,6 +20,7 @@ using internal::Canvas;
 using internal::Color;
 using internal::MapView;
 
+constexpr std::size_t kCrowdedLoops = 25;  // more are drawn as hairlines under the path
 constexpr Color kPaper{255, 255, 255};
 constexpr Color kInk{36, 40, 48};
 constexpr Color kFaint{112, 118, 128};
@@ -69,11 +70,16 @@ void draw_end(Canvas& canvas, const Sizes& sizes, const Vector2d& at) {
   canvas.disc(at, 2.6 * sizes.unit, kPaper);
 }
 
-void draw_loop(Canvas& canvas, const Sizes& sizes, const Vector2d& from, const Vector2d& to, bool confirmed) {
+// `crowded`: hairlines, so that the map shows through hundreds of loops.
+void draw_loop(Canvas& canvas, const Sizes& sizes, const Vector2d& from, const Vector2d& to, bool confirmed,
+               bool crowded) {
   const double width = 1.7 * sizes.unit;
   const double halo = width + 2.0 * sizes.unit;
   const double dash = 7.0 * sizes.unit;
-  if (confirmed) {
+  if (crowded) {
+    const double hairline = 0.3 * sizes.unit;
+    confirmed ? canvas.line(from, to, hairline, kConfirmed) : canvas.dashed_line(from, to, hairline, dash, kPending);
+  } else if (confirmed) {
     canvas.line(from, to, halo, kPaper);
     canvas.line(from, to, width, kConfirmed);
   } else {
@@ -163,7 +169,7 @@ std::vector<LegendItem> legend_items(const MapView& view, const Sizes& sizes, co
     if (std::none_of(input.loops.begin(), input.loops.end(), same)) continue;
     items.push_back(
         {30.0 * u, confirmed ? "loop" : "pending loop", [&sizes, u, confirmed](Canvas& canvas, const Vector2d& at) {
-           draw_loop(canvas, sizes, at, at + Vector2d(30.0 * u, 0.0), confirmed);
+           draw_loop(canvas, sizes, at, at + Vector2d(30.0 * u, 0.0), confirmed, false);
          }});
   }
   const std::array<std::pair<const char*, Color>, 3> areas{
@@ -239,10 +245,12 @@ Status write_map_picture(const std::filesystem::path& path, const PictureInput& 
 
   Canvas canvas(view.width, footer_top + static_cast<int>(legend_px + sizes.pad()), kPaper);
   internal::paint_map(canvas, view, input.map);
-  draw_path(canvas, view, sizes, input.path);
+  const bool crowded = input.loops.size() > kCrowdedLoops;
+  if (!crowded) draw_path(canvas, view, sizes, input.path);
   for (const LoopMark& loop : input.loops) {
-    draw_loop(canvas, sizes, view.to_pixel(loop.from), view.to_pixel(loop.to), loop.confirmed);
+    draw_loop(canvas, sizes, view.to_pixel(loop.from), view.to_pixel(loop.to), loop.confirmed, crowded);
   }
+  if (crowded) draw_path(canvas, view, sizes, input.path);
   for (const SubmapMark& submap : input.submaps) {
     draw_axes(canvas, sizes, view.to_pixel(submap.map_from_submap.translation()), submap.map_from_submap.yaw);
   }

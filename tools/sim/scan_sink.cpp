@@ -9,7 +9,12 @@
 #include <cstdio>
 #include <cstring>
 #include <iterator>
+#include <string>
 #include <string_view>
+#include <vector>
+
+#include "proto/channels.hpp"
+#include "proto/scan_conversion.hpp"
 
 namespace submapd::tools {
 namespace {
@@ -104,6 +109,39 @@ class ClfSink final : public ScanSink {
   bool header_written_ = false;
 };
 
+// LCM's log: events of a 28-byte big-endian header, the channel and the message, one after the other.
+class LcmSink final : public ScanSink {
+ public:
+  explicit LcmSink(std::string path) : file_(std::move(path)) {}
+  [[nodiscard]] Status opened() const { return file_.opened(); }
+
+  Status write(const Scan& scan, const Pose2& /*truth*/) override {
+    const std::vector<std::byte> message = encode_scan(scan, ScanOrigin{});
+    event_.clear();
+    put(kSync, 4);
+    put(scan.index, 8);
+    put(static_cast<std::uint64_t>(scan.stamp_us), 8);
+    put(channel_.size(), 4);
+    put(message.size(), 4);
+    event_ += channel_;
+    event_.append(reinterpret_cast<const char*>(message.data()), message.size());
+    return file_.write(event_);
+  }
+
+  Status finish() override { return file_.finish(); }
+
+ private:
+  static constexpr std::uint64_t kSync = 0xEDA1DA01;
+
+  void put(std::uint64_t value, int bytes) {
+    for (int i = bytes - 1; i >= 0; --i) event_ += static_cast<char>((value >> (8 * i)) & 0xFF);
+  }
+
+  OutputFile file_;
+  std::string event_;
+  const std::string channel_ = Channels().scan_h;
+};
+
 class TruthSink final : public ScanSink {
  public:
   explicit TruthSink(std::string path) : file_(std::move(path)) {}
@@ -137,6 +175,10 @@ Expected<std::unique_ptr<ScanSink>> open_sink(const std::string& path) {
 
 Expected<std::unique_ptr<ScanSink>> open_clf_sink(const std::string& path) {
   return open_sink<ClfSink>(path);
+}
+
+Expected<std::unique_ptr<ScanSink>> open_lcm_sink(const std::string& path) {
+  return open_sink<LcmSink>(path);
 }
 
 Expected<std::unique_ptr<ScanSink>> open_truth_sink(const std::string& path) {

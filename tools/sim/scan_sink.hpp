@@ -30,6 +30,9 @@ class ScanSink {
 // time from the first beam to the last. A path that ends in .gz is compressed.
 [[nodiscard]] Expected<std::unique_ptr<ScanSink>> open_clf_sink(const std::string& path);
 
+// LCM log: one scan_t event a scan on CART_SCAN_H, as the daemon records it. The odometry travels in the scan.
+[[nodiscard]] Expected<std::unique_ptr<ScanSink>> open_lcm_sink(const std::string& path);
+
 // TUM trajectory of the truth: "stamp x y z qx qy qz qw", stamps with six decimals, the rest with nine.
 [[nodiscard]] Expected<std::unique_ptr<ScanSink>> open_truth_sink(const std::string& path);
 

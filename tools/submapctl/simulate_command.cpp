@@ -120,7 +120,8 @@ int simulate(const SimulateArguments& arguments) {
   const auto cart = std::make_shared<const Motion>(std::move(*motion));
   Simulator simulator(scene->world, cart, options);
 
-  auto log = open_clf_sink(arguments.out + "." + arguments.format);
+  const std::string log_path = arguments.out + "." + arguments.format;
+  auto log = arguments.format == "lcmlog" ? open_lcm_sink(log_path) : open_clf_sink(log_path);
   if (!log) {
     return report(log.error());
   }
@@ -160,7 +161,7 @@ void register_simulate(CLI::App& app, CommandRun& run) {
   command->add_flag("--odometry", arguments->odometry, "Write noisy wheel odometry into the log");
   command->add_flag("--no-noise", arguments->no_noise, "Exact ranges, none missing");
   command->add_option("--format", arguments->format, "Format of the log")
-      ->check(CLI::IsMember({"clf", "clf.gz"}))
+      ->check(CLI::IsMember({"clf", "clf.gz", "lcmlog"}))
       ->capture_default_str();
   command->callback([arguments, &run] { run = [arguments] { return simulate(*arguments); }; });
 }
