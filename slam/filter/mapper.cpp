@@ -290,7 +290,7 @@ struct Mapper::Impl {
     if (!ambiguous && weak_scans <= kWeakScans) return;
     weak_scans = 0;
     const double axial = std::min(std::sqrt(degeneracy.axial_variance_m2()) + weak_sigma, 0.5);
-    const int wanted = std::clamp(static_cast<int>(std::ceil(6.0 * axial / 0.1)), 8, options.max_adaptive_particles);
+    const int wanted = std::min(std::max(static_cast<int>(std::ceil(6.0 * axial / 0.1)), 8), options.max_adaptive_particles);
     set.spread(wanted, front->map().layer());
     const Eigen::Vector2d axis = degeneracy.active() ? degeneracy.axis() : Eigen::Vector2d(eigen.eigenvectors().col(1));
     for (std::size_t i = 1; i < set.size(); ++i) {

@@ -149,7 +149,7 @@ TEST(OdometryGateTest, GoodOdometryIsKept) {
 
 TEST(OdometryGateTest, OdometryThatContradictsIsRejectedForGood) {
   Drive drive;
-  drive.go(200, [](const Pose2& truth, int) { return Pose2{3.0 * truth.x, 0.0, truth.yaw}; });
+  drive.go(200, [](const Pose2& truth, int) { return Pose2{5.0 * truth.x, 0.0, truth.yaw}; });
   EXPECT_TRUE(drive.gate.rejected());
   EXPECT_EQ(drive.used, 40) << "rejected at the fortieth contradiction";
   const int used_before = drive.used;

@@ -88,16 +88,32 @@ TEST(ParticleSetTest, SpreadParticlesBakeTheHeaviestLineageInOrderAndReleaseThei
   EXPECT_EQ(rig.set.forced_coalescences(), 0U) << "nothing ran out";
 }
 
-TEST(ParticleSetTest, SpreadingToOneAndBackLeaksNoLayer) {
+TEST(ParticleSetTest, AParticleThatStaysAloneKeepsTheBaseMapAndLeaksNoLayer) {
   Rig rig(small_options(), 200);
   const int free_before = rig.layers.free_planes();
   for (int round = 0; round < 20; ++round) {
     rig.set.spread(1, rig.base);
-    ASSERT_GE(rig.set.particles()[0].layer, 0) << "no layer is left in round " << round;
+    ASSERT_EQ(rig.set.size(), 1U);
+    ASSERT_EQ(rig.set.particles()[0].layer, -1);
     rig.insert();
     rig.set.coalesce();
-    ASSERT_EQ(rig.set.particles()[0].layer, -1) << "its map is the base map again";
     ASSERT_EQ(rig.layers.free_planes(), free_before);
+  }
+  rig.set.spread(6, rig.base);
+  EXPECT_EQ(rig.set.size(), 6U);
+}
+
+TEST(ParticleSetTest, SpreadsAsFarAsTheLayersGo) {
+  for (int taken = 0; taken <= 7; ++taken) {
+    Rig rig(small_options(), 200);  // 8 layers, one of them the base
+    std::vector<int> others;
+    for (int k = 0; k < taken; ++k) others.push_back(rig.layers.create());
+    rig.set.spread(6, rig.base);
+    const std::size_t expected = taken >= 6 ? 1U : std::min<std::size_t>(6, static_cast<std::size_t>(7 - taken));
+    EXPECT_EQ(rig.set.size(), expected) << taken;
+    rig.insert();
+    rig.set.coalesce();
+    for (int k = taken; k < 7; ++k) EXPECT_GE(rig.layers.create(), 0) << "every layer is free again";
   }
 }
 
