@@ -2,8 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <filesystem>
 #include <fstream>
 #include <functional>
 #include <sstream>
@@ -68,10 +70,23 @@ std::vector<Key> keys_of(Configuration& c) {
   return keys;
 }
 
+std::string sections_of(const std::vector<Key>& keys) {
+  std::string sections;
+  std::string_view last;
+  for (const Key& key : keys) {
+    if (key.section == last) continue;
+    last = key.section;
+    sections += fmt::format("{}{}", sections.empty() ? "" : ", ", last);
+  }
+  return sections;
+}
+
 std::string allowed(const Key& key) {
   if (std::holds_alternative<bool*>(key.field)) return "true or false";
   if (!key.choices.empty()) return "one of " + key.choices;
-  return fmt::format("a number from {:g} to {:g}{}{}", key.low, key.high, key.unit.empty() ? "" : " ", key.unit);
+  const std::string unit = (key.unit.empty() ? "" : " ") + std::string(key.unit);
+  if (!std::holds_alternative<double*>(key.field)) return fmt::format("a whole number from {:.0f} to {:.0f}{}", key.low, key.high, unit);
+  return fmt::format("a number from {:g} to {:g}{}", key.low, key.high, unit);
 }
 
 // Sets the field from a value; false if the value is not allowed.
@@ -121,6 +136,9 @@ Expected<Configuration> parse_configuration(std::string_view text, std::string_v
   for (const auto& [section, node] : table) {
     const toml::table* entries = node.as_table();
     if (entries == nullptr) return wrong(node.source(), fmt::format("key \"{}\" stands outside any section", section.str()));
+    if (std::none_of(keys.begin(), keys.end(), [&s = section](const Key& key) { return key.section == s.str(); })) {
+      return wrong(node.source(), fmt::format("unknown section [{}]; known are {}", section.str(), sections_of(keys)));
+    }
     for (const auto& [entry, value] : *entries) {
       const Key* found = nullptr;
       std::string known;
@@ -130,10 +148,8 @@ Expected<Configuration> parse_configuration(std::string_view text, std::string_v
         if (key.name == entry.str()) found = &key;
       }
       if (found == nullptr) {
-        return wrong(value.source(), known.empty()
-                                         ? fmt::format("unknown section [{}]", section.str())
-                                         : fmt::format("unknown key \"{}\" in [{}]; known are {}", entry.str(),
-                                                       section.str(), known));
+        return wrong(value.source(),
+                     fmt::format("unknown key \"{}\" in [{}]; known are {}", entry.str(), section.str(), known));
       }
       if (!assign(*found, value)) {
         return wrong(value.source(), fmt::format("\"{}\" must be {}", entry.str(), allowed(*found)));
@@ -149,10 +165,14 @@ Expected<Configuration> load_configuration(const std::string& path) {
     const StatusCode code = errno == ENOENT ? StatusCode::kNotFound : StatusCode::kIo;
     return failure(code, fmt::format("cannot read configuration {}: {}", path, std::strerror(errno)));
   }
+  std::error_code ignored;
+  if (std::filesystem::is_directory(path, ignored)) {
+    return failure(StatusCode::kInvalidArgument, fmt::format("cannot read configuration {}: it is a folder", path));
+  }
   std::ostringstream text;
-  text << file.rdbuf();
+  if (file.peek() != std::ifstream::traits_type::eof()) text << file.rdbuf();  // which fails where nothing is to be read
   if (file.bad() || text.fail()) {
-    return failure(StatusCode::kIo, fmt::format("cannot read configuration {}: is it a file?", path));
+    return failure(StatusCode::kIo, fmt::format("cannot read configuration {}", path));
   }
   return parse_configuration(text.str(), path);
 }

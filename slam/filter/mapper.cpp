@@ -325,7 +325,7 @@ struct Mapper::Impl {
     weak_scans = 0;
     const double axial = std::min(std::sqrt(degeneracy.axial_variance_m2()), 0.5);
     if (!two_places && axial < options.collapse_m) return;
-    const int wanted = std::clamp(static_cast<int>(std::ceil(6.0 * axial / 0.1)), 8, options.max_adaptive_particles);
+    const int wanted = std::min(std::max(static_cast<int>(std::ceil(6.0 * axial / 0.1)), 8), options.max_adaptive_particles);
     set.spread(wanted, front->map().layer());
     for (std::size_t i = 1; i < set.size(); ++i) {
       Particle& p = set.particles()[i];

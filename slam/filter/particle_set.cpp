@@ -50,6 +50,7 @@ const Particle& ParticleSet::best() const {
 void ParticleSet::spread(int n, int base_layer) {
   const Particle seed = particles_[0];
   const int wanted = std::min(n, options_.max_particles);
+  if (wanted < 2) return;
   particles_[0].layer = layers_.duplicate(base_layer);
   if (particles_[0].layer < 0) return;
   for (int i = 1; i < wanted; ++i) {
@@ -58,6 +59,10 @@ void ParticleSet::spread(int n, int base_layer) {
     if (copy.layer < 0) break;
     tree_.add_head(copy.node);
     particles_.push_back(copy);
+  }
+  if (particles_.size() == 1) {
+    layers_.release(particles_[0].layer);
+    particles_[0].layer = -1;
   }
   for (Particle& p : particles_) p.log_weight = 0.0;
 }

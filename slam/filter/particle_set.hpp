@@ -63,7 +63,8 @@ class ParticleSet {
   [[nodiscard]] const Particle& best() const;
   [[nodiscard]] const AncestryTree& tree() const { return tree_; }
 
-  // Copies the only particle to n, each with its own layer over base_layer. REQUIRES: size() == 1.
+  // Copies the only particle to n, each with its own layer over base_layer, or fewer where layers run out. A particle that
+  // stays alone keeps the base map. REQUIRES: size() == 1.
   void spread(int n, int base_layer);
   // Replaces the particles by copies of the ancestors (ascending or not) with equal weights.
   void resample(std::span<const int> ancestors);

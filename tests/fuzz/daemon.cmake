@@ -1,0 +1,1 @@
+submapd_fuzzer(fuzz_configuration SOURCES fuzz_configuration.cpp LIBS submapd_daemon)

@@ -1,0 +1,108 @@
+// The latch: in at once, out only after a while, and the uncertainty that grows in between.
+#include "slam/filter/degeneracy.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+namespace submapd {
+namespace {
+
+constexpr double kStep_s = 0.025;
+
+// Information with the given ratio of eigenvalues, the normals' noise floor on top; weak along `axis_rad`.
+Eigen::Matrix3d information(double ratio, double axis_rad, double scale = 1e6) {
+  const DegeneracyOptions options;
+  // (low - f) / (high - f) = ratio with f = share * (low + high), high = 1.
+  const double s = options.normal_noise_share;
+  const double low = (ratio + s * (1.0 - ratio)) / (1.0 - s * (1.0 - ratio));
+  const Eigen::Vector2d axis(std::cos(axis_rad), std::sin(axis_rad));
+  const Eigen::Vector2d across(-axis.y(), axis.x());
+  Eigen::Matrix3d H = Eigen::Matrix3d::Identity() * scale;
+  H.topLeftCorner<2, 2>() = scale * (low * axis * axis.transpose() + across * across.transpose());
+  return H;
+}
+
+TEST(DegeneracyMonitorTest, EntersAtOnceAndKnowsTheAxis) {
+  DegeneracyMonitor monitor{DegeneracyOptions{}};
+  monitor.update(information(0.021, 0.7), 500, kStep_s);
+  EXPECT_FALSE(monitor.active());
+  monitor.update(information(0.019, 0.7), 500, kStep_s);
+  ASSERT_TRUE(monitor.active());
+  EXPECT_NEAR(std::abs(monitor.axis().dot(Eigen::Vector2d(std::cos(0.7), std::sin(0.7)))), 1.0, 1e-6);
+  EXPECT_NEAR(monitor.axis().norm(), 1.0, 1e-9);
+}
+
+TEST(DegeneracyMonitorTest, ABlankCorridorHasNothingAlong) {
+  DegeneracyMonitor monitor{DegeneracyOptions{}};
+  Eigen::Matrix3d H = Eigen::Matrix3d::Zero();
+  H(1, 1) = 1e6;
+  monitor.update(H, 500, kStep_s);
+  ASSERT_TRUE(monitor.active());
+  EXPECT_NEAR(std::abs(monitor.axis().x()), 1.0, 1e-9);
+}
+
+TEST(DegeneracyMonitorTest, StaysBetweenTheThresholdsAndLeavesAfterEightGoodScansInARow) {
+  const DegeneracyOptions options;
+  DegeneracyMonitor monitor(options);
+  monitor.update(information(0.01, 0.0), 500, kStep_s);
+  for (int k = 0; k < 100; ++k) monitor.update(information(0.05, 0.0), 500, kStep_s);
+  EXPECT_TRUE(monitor.active()) << "0.05 is between 0.02 and 0.06";
+  for (int k = 0; k < options.leave_scans - 1; ++k) monitor.update(information(0.07, 0.0), 500, kStep_s);
+  EXPECT_TRUE(monitor.active());
+  monitor.update(information(0.05, 0.0), 500, kStep_s);  // breaks the row
+  for (int k = 0; k < options.leave_scans - 1; ++k) monitor.update(information(0.07, 0.0), 500, kStep_s);
+  EXPECT_TRUE(monitor.active());
+  monitor.update(information(0.07, 0.0), 500, kStep_s);
+  EXPECT_FALSE(monitor.active());
+  EXPECT_EQ(monitor.axial_variance_m2(), 0.0);
+}
+
+TEST(DegeneracyMonitorTest, FewPointsConcludeNothing) {
+  DegeneracyMonitor monitor{DegeneracyOptions{}};
+  monitor.update(information(0.001, 0.0), 39, kStep_s);
+  EXPECT_FALSE(monitor.active());
+  monitor.update(Eigen::Matrix3d::Zero(), 0, kStep_s);
+  EXPECT_FALSE(monitor.active());
+  monitor.update(information(0.001, 0.0), 40, kStep_s);
+  EXPECT_TRUE(monitor.active());
+  for (int k = 0; k < 50; ++k) monitor.update(information(0.5, 0.0), 39, kStep_s);
+  EXPECT_TRUE(monitor.active());
+  EXPECT_NEAR(monitor.time_s(), 50 * kStep_s, 1e-9) << "time passes all the same";
+}
+
+TEST(DegeneracyMonitorTest, VarianceAlongTheAxisGrowsAsDocumented) {
+  const DegeneracyOptions o;
+  DegeneracyMonitor monitor(o);
+  monitor.update(information(0.01, 0.0), 500, 1.0);
+  EXPECT_EQ(monitor.axial_variance_m2(), 0.0) << "nothing is lost at entry";
+  double before = 0.0;
+  for (int k = 1; k <= 10; ++k) {
+    monitor.update(information(0.01, 0.0), 500, 1.0);
+    const double t = k;
+    const double expected = std::pow(o.speed_sigma_m_s * t, 2) + std::pow(0.5 * o.accel_sigma_m_s2 * t * t, 2);
+    EXPECT_NEAR(monitor.axial_variance_m2(), expected, 1e-12);
+    EXPECT_GT(monitor.axial_variance_m2(), before);
+    before = monitor.axial_variance_m2();
+  }
+  // A new span starts from nothing.
+  for (int k = 0; k < o.leave_scans; ++k) monitor.update(information(0.5, 0.0), 500, 1.0);
+  monitor.update(information(0.01, 0.0), 500, 1.0);
+  EXPECT_TRUE(monitor.active());
+  EXPECT_EQ(monitor.axial_variance_m2(), 0.0);
+}
+
+TEST(DegeneracyMonitorTest, TheAxisFollowsTheCorridorAndTheFrame) {
+  DegeneracyMonitor monitor{DegeneracyOptions{}};
+  monitor.update(information(0.01, 0.0), 500, kStep_s);
+  monitor.update(information(0.05, 0.3), 500, kStep_s);
+  EXPECT_NEAR(std::abs(monitor.axis().x()), 1.0, 1e-6) << "not sure enough to turn the axis";
+  monitor.update(information(0.01, 0.3), 500, kStep_s);
+  EXPECT_NEAR(std::abs(monitor.axis().y()), std::sin(0.3), 1e-6);
+  monitor.change_frame(-0.3);
+  EXPECT_NEAR(std::abs(monitor.axis().x()), 1.0, 1e-6);
+}
+
+}  // namespace
+}  // namespace submapd

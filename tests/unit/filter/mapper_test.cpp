@@ -1,0 +1,494 @@
+// The front end on drives with exact truth, in simulated time: how far it is off, what it hands over, what it survives.
+#include "slam/filter/mapper.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <memory>
+#include <set>
+#include <span>
+#include <vector>
+
+#include "daemon/thread_pool.hpp"
+#include "slam/base/random.hpp"
+#include "tools/sim/office.hpp"
+#include "tools/sim/simulator.hpp"
+
+namespace submapd {
+namespace {
+
+struct Drive {
+  std::vector<Scan> scans;
+  std::vector<Pose2> truth;  // one a scan
+};
+
+struct DriveOptions {
+  double duration_s = 20.0;
+  double speed_m_s = 3.0;
+  double standstill_s = 1.0;
+  std::uint64_t seed = 1;
+  int beams = 1081;
+};
+
+Drive drive_in_office(const DriveOptions& wanted) {
+  tools::MotionOptions motion_options;
+  motion_options.seed = wanted.seed;
+  motion_options.duration_s = wanted.duration_s;
+  motion_options.speed_m_s = wanted.speed_m_s;
+  motion_options.standstill_s = wanted.standstill_s;
+  Expected<tools::Motion> motion = tools::Motion::along(tools::office_tour(), motion_options);
+  EXPECT_TRUE(motion.has_value());
+  tools::SimulatorOptions options;
+  options.seed = wanted.seed;
+  options.sensor.beams = wanted.beams;
+  options.sensor.geometry.angle_step_rad *= 1080.0 / (wanted.beams - 1);
+  tools::Simulator simulator(std::make_shared<const tools::World>(tools::office_world()),
+                             std::make_shared<const tools::Motion>(std::move(*motion)), options);
+  Drive drive;
+  while (std::optional<Scan> scan = simulator.next()) {
+    drive.truth.push_back(simulator.truth(scan->stamp_us));
+    drive.scans.push_back(std::move(*scan));
+  }
+  return drive;
+}
+
+// Straight ahead and through turns of 90 and 180 deg at up to 3 m/s.
+const Drive& fast_drive() {
+  static const Drive kDrive = drive_in_office({});
+  return kDrive;
+}
+
+// Five seconds at walking pace with a quarter of the beams, for the filters that carry many maps.
+const Drive& slow_drive() {
+  static const Drive kDrive = drive_in_office({7.0, 1.0, 0.5, 2, 271});
+  return kDrive;
+}
+
+struct Run {
+  std::vector<ScanReport> reports;
+  std::vector<FinishedSubmap> submaps;
+  MapperCounters counters;
+  std::vector<ByteBudget> budgets;
+};
+
+Run run_mapper(const std::vector<Scan>& scans, const MapperOptions& options = {}, int threads = 1) {
+  ThreadPool pool(threads);
+  Mapper mapper(options, Uuid::from_seed(1, 1), Uuid::from_seed(1, 2), pool);
+  Run run;
+  const auto take = [&] {
+    if (std::optional<FinishedSubmap> finished = mapper.take_finished()) run.submaps.push_back(std::move(*finished));
+  };
+  for (const Scan& scan : scans) {
+    run.reports.push_back(mapper.process(scan));
+    for (const ByteBudget& b : mapper.budgets()) {
+      EXPECT_LE(b.used, b.limit) << b.name << " at scan " << scan.index;
+      EXPECT_LE(b.peak, b.limit) << b.name << " at scan " << scan.index;
+    }
+    take();
+  }
+  mapper.finish_run();
+  take();
+  run.counters = mapper.counters();
+  run.budgets = mapper.budgets();
+  return run;
+}
+
+struct TrajectoryError {
+  double rms_m = 0.0;
+  double max_m = 0.0;
+  double max_heading_rad = 0.0;
+};
+
+// Error of the odom poses after the best SE(2) alignment (least squares over positions).
+TrajectoryError error_of(std::span<const ScanReport> reports, std::span<const Pose2> truth) {
+  EXPECT_EQ(reports.size(), truth.size());
+  Eigen::Vector2d mean_estimate = Eigen::Vector2d::Zero();
+  Eigen::Vector2d mean_truth = Eigen::Vector2d::Zero();
+  const auto n = static_cast<double>(reports.size());
+  for (std::size_t i = 0; i < reports.size(); ++i) {
+    mean_estimate += reports[i].odom_from_base.translation() / n;
+    mean_truth += truth[i].translation() / n;
+  }
+  double along = 0.0;
+  double across = 0.0;
+  for (std::size_t i = 0; i < reports.size(); ++i) {
+    const Eigen::Vector2d e = reports[i].odom_from_base.translation() - mean_estimate;
+    const Eigen::Vector2d t = truth[i].translation() - mean_truth;
+    along += e.dot(t);
+    across += e.x() * t.y() - e.y() * t.x();
+  }
+  Pose2 world_from_odom{0.0, 0.0, std::atan2(across, along)};
+  const Eigen::Vector2d shift = mean_truth - rotation(world_from_odom.yaw) * mean_estimate;
+  world_from_odom.x = shift.x();
+  world_from_odom.y = shift.y();
+  TrajectoryError error;
+  double square_sum = 0.0;
+  for (std::size_t i = 0; i < reports.size(); ++i) {
+    const Pose2 off = between(truth[i], compose(world_from_odom, reports[i].odom_from_base));
+    const double d = std::hypot(off.x, off.y);
+    square_sum += d * d;
+    error.max_m = std::max(error.max_m, d);
+    error.max_heading_rad = std::max(error.max_heading_rad, std::abs(off.yaw));
+  }
+  error.rms_m = std::sqrt(square_sum / n);
+  return error;
+}
+
+void expect_finite(const std::vector<ScanReport>& reports) {
+  for (const ScanReport& r : reports) {
+    const double all[] = {r.submap_from_base.x,   r.submap_from_base.y,   r.submap_from_base.yaw, r.odom_from_base.x,
+                          r.odom_from_base.y,     r.odom_from_base.yaw,   r.keyframe_from_base.x, r.keyframe_from_base.y,
+                          r.keyframe_from_base.yaw, r.keyframe_step.x,    r.keyframe_step.yaw,    r.covariance.sum(),
+                          r.entropy,              r.n_eff};
+    for (const double value : all) ASSERT_TRUE(std::isfinite(value)) << "scan " << r.scan_index;
+  }
+}
+
+// What every run's sub-maps must be, whatever happened on the way.
+void expect_sound_submaps(const Run& run) {
+  ASSERT_FALSE(run.submaps.empty());
+  std::set<std::uint64_t> inserted;
+  for (std::size_t k = 0; k < run.submaps.size(); ++k) {
+    SCOPED_TRACE("sub-map " + std::to_string(k));
+    const FinishedSubmap& s = run.submaps[k];
+    EXPECT_EQ(s.id.index, k) << "indices are consecutive";
+    ASSERT_FALSE(s.keyframes.empty());
+    EXPECT_EQ(s.keyframes[0].pose, Pose2{});
+    for (std::size_t i = 0; i < s.keyframes.size(); ++i) {
+      if (i > 0) {
+        EXPECT_GT(s.keyframes[i].scan_index, s.keyframes[i - 1].scan_index);
+      }
+      inserted.insert(s.keyframes[i].scan_index);
+    }
+    if (k == 0 || !s.linked_to_previous) continue;
+    // Linked: from its first key-frame on, the one before holds the same key-frames, at the same places.
+    const FinishedSubmap& before = run.submaps[k - 1];
+    const auto shared = std::find_if(before.keyframes.begin(), before.keyframes.end(),
+                                     [&s](const Keyframe& f) { return f.scan_index == s.keyframes[0].scan_index; });
+    ASSERT_NE(shared, before.keyframes.end()) << "shares nothing with the one before";
+    const Pose2 step = between(before.odom_from_submap, s.odom_from_submap);
+    for (auto f = shared; f != before.keyframes.end(); ++f) {
+      const auto i = static_cast<std::size_t>(f - shared);
+      ASSERT_LT(i, s.keyframes.size());
+      ASSERT_EQ(f->scan_index, s.keyframes[i].scan_index);
+      const Pose2 off = between(f->pose, compose(step, s.keyframes[i].pose));
+      EXPECT_LT(std::hypot(off.x, off.y) + std::abs(off.yaw), 1e-9);
+    }
+  }
+  std::set<std::uint64_t> reported;
+  for (const ScanReport& r : run.reports) {
+    if (r.keyframe) reported.insert(r.scan_index);
+    EXPECT_EQ(inserted.count(r.keyframe_scan_index), 1U) << "scan " << r.scan_index << " hangs on a key-frame of no sub-map";
+  }
+  EXPECT_EQ(reported, inserted) << "each key-frame is in some sub-map";
+}
+
+TEST(MapperScenarioTest, FastDriveThroughTheOffice) {
+  const Drive& drive = fast_drive();
+  const Run run = run_mapper(drive.scans);
+  const TrajectoryError error = error_of(run.reports, drive.truth);
+  RecordProperty("rms_mm", std::to_string(1e3 * error.rms_m));
+  std::printf("rms %.1f mm, max %.1f mm, heading %.3f deg\n", 1e3 * error.rms_m, 1e3 * error.max_m,
+              error.max_heading_rad * 180.0 / std::numbers::pi);
+  EXPECT_LT(error.rms_m, 0.02);
+  EXPECT_LT(error.max_m, 0.05);
+  EXPECT_EQ(run.counters.lost_scans, 0U);
+  EXPECT_EQ(run.counters.breaks, 0U);
+  EXPECT_EQ(run.counters.pool_refusals, 0U);
+  EXPECT_EQ(run.counters.scans, drive.scans.size());
+  expect_finite(run.reports);
+  expect_sound_submaps(run);
+
+  MapperOptions smeared;
+  smeared.unwarp = false;
+  const TrajectoryError without = error_of(run_mapper(drive.scans, smeared).reports, drive.truth);
+  std::printf("without unwarping: rms %.1f mm, max %.1f mm\n", 1e3 * without.rms_m, 1e3 * without.max_m);
+  EXPECT_GT(without.rms_m, 3.0 * error.rms_m);
+  EXPECT_GT(without.rms_m, 0.02) << "the limit above would not notice";
+}
+
+TEST(MapperScenarioTest, SubmapsOverlapByHalf) {
+  MapperOptions options;
+  options.limits.path_m = 6.0;
+  const Drive& drive = fast_drive();
+  const Run run = run_mapper(drive.scans, options);
+  expect_sound_submaps(run);
+  ASSERT_GE(run.submaps.size(), 5U);
+  for (std::size_t k = 0; k < run.submaps.size(); ++k) {
+    SCOPED_TRACE("sub-map " + std::to_string(k));
+    const FinishedSubmap& s = run.submaps[k];
+    EXPECT_TRUE(s.linked_to_previous);
+    if (k + 1 == run.submaps.size()) {
+      EXPECT_EQ(s.reason, FinishReason::kEndOfRun);
+      continue;
+    }
+    EXPECT_EQ(s.reason, FinishReason::kPath);
+    double path_m = 0.0;
+    double until_next_m = 0.0;
+    for (std::size_t i = 1; i < s.keyframes.size(); ++i) {
+      const Pose2 step = between(s.keyframes[i - 1].pose, s.keyframes[i].pose);
+      path_m += std::hypot(step.x, step.y);
+      if (s.keyframes[i].scan_index == run.submaps[k + 1].keyframes[0].scan_index) until_next_m = path_m;
+    }
+    EXPECT_GE(path_m, 6.0);
+    EXPECT_LE(path_m, 6.5);
+    EXPECT_NEAR(until_next_m / path_m, 0.5, 0.1);
+  }
+}
+
+TEST(MapperScenarioTest, StandstillNeitherCreepsNorGrows) {
+  tools::MotionOptions motion_options;
+  motion_options.speed_m_s = 1.0;
+  tools::Route stand;
+  stand.waypoints = {{6.0, 7.0}, {6.5, 7.0}};
+  motion_options.standstill_s = 61.0;
+  Expected<tools::Motion> motion = tools::Motion::along(stand, motion_options);
+  ASSERT_TRUE(motion.has_value());
+  tools::Simulator simulator(std::make_shared<const tools::World>(tools::office_world()),
+                             std::make_shared<const tools::Motion>(std::move(*motion)), {});
+  std::vector<Scan> scans;
+  while (scans.size() < 2400) scans.push_back(simulator.next().value());
+  EXPECT_EQ(simulator.truth(scans.back().stamp_us), simulator.truth(scans.front().stamp_us)) << "the cart stands for 60 s";
+
+  SerialPool pool;
+  Mapper mapper(MapperOptions{}, Uuid::from_seed(1, 1), Uuid::from_seed(1, 2), pool);
+  double creep_m = 0.0;
+  double last_second_m = 0.0;
+  std::size_t used_early = 0;
+  std::size_t used_late = 0;
+  for (const Scan& scan : scans) {
+    const ScanReport report = mapper.process(scan);
+    EXPECT_EQ(report.keyframe, scan.index == 0) << "scan " << scan.index;
+    EXPECT_EQ(report.particles, 1);
+    const double off = std::hypot(report.odom_from_base.x, report.odom_from_base.y);
+    creep_m = std::max(creep_m, off);
+    if (scan.index >= 2360) last_second_m = std::max(last_second_m, off);
+    used_late = 0;
+    for (const ByteBudget& b : mapper.budgets()) used_late += b.used;
+    if (scan.index == 1) used_early = used_late;
+  }
+  std::printf("creep %.2f mm, in the last second %.2f mm\n", 1e3 * creep_m, 1e3 * last_second_m);
+  EXPECT_LT(creep_m, 0.002);
+  EXPECT_EQ(used_late, used_early);
+  EXPECT_EQ(mapper.counters().keyframes, 1U);
+  EXPECT_EQ(mapper.counters().lost_scans, 0U);
+}
+
+// ---- faults ----
+
+TEST(MapperFaultTest, RecoversAfterAGapOfASecond) {
+  Drive drive = fast_drive();
+  // From 6 s on the cart drives at speed.
+  const std::ptrdiff_t from = 6 * 40;
+  ASSERT_GT(std::hypot(drive.truth[280].x - drive.truth[240].x, drive.truth[280].y - drive.truth[240].y), 0.5) << "it moves";
+  drive.scans.erase(drive.scans.begin() + from, drive.scans.begin() + from + 40);
+  drive.truth.erase(drive.truth.begin() + from, drive.truth.begin() + from + 40);
+  const Run run = run_mapper(drive.scans);
+  const TrajectoryError error = error_of(run.reports, drive.truth);
+  std::printf("after a gap: rms %.1f mm, %d lost\n", 1e3 * error.rms_m, static_cast<int>(run.counters.lost_scans));
+  EXPECT_LT(error.rms_m, 0.05);
+  EXPECT_EQ(run.counters.breaks, 0U);
+  expect_sound_submaps(run);
+}
+
+TEST(MapperFaultTest, ABlindSensorAddsNothingToTheMap) {
+  Drive drive = fast_drive();
+  const std::size_t from = 6 * 40;
+  const std::size_t to = from + 3 * 40;
+  for (std::size_t i = from; i < to; ++i) std::fill(drive.scans[i].ranges_mm.begin(), drive.scans[i].ranges_mm.end(), kNoReturn_mm);
+  const Run run = run_mapper(drive.scans);
+  expect_finite(run.reports);
+  expect_sound_submaps(run);
+  for (std::size_t i = from; i < to; ++i) {
+    EXPECT_TRUE(run.reports[i].lost) << "scan " << i << " saw nothing";
+    EXPECT_FALSE(run.reports[i].keyframe) << "scan " << i << " saw nothing";
+  }
+  // Three seconds of driving blind: either the place is found again, or the map goes on apart, and says so.
+  bool tied = true;
+  for (const FinishedSubmap& s : run.submaps) tied = tied && s.linked_to_previous;
+  EXPECT_EQ(run.counters.breaks == 0, tied);
+  const std::span<const ScanReport> after(run.reports.begin() + static_cast<std::ptrdiff_t>(to) + 40, run.reports.end());
+  const std::span<const Pose2> after_truth(drive.truth.begin() + static_cast<std::ptrdiff_t>(to) + 40, drive.truth.end());
+  EXPECT_LT(error_of(after, after_truth).rms_m, 0.05) << "a second later it maps as ever";
+  if (tied) {
+    EXPECT_LT(error_of(run.reports, drive.truth).rms_m, 0.5) << "it says that it found its place again";
+  }
+  EXPECT_LE(run.counters.breaks, 2U);
+}
+
+TEST(MapperFaultTest, KidnappedCartBreaksTheTrack) {
+  // The cart is lifted from one end of the floor to the other within a second.
+  const Drive& drive = fast_drive();
+  DriveOptions elsewhere;
+  elsewhere.duration_s = 40.0;
+  const Drive later = drive_in_office(elsewhere);
+  std::vector<Scan> scans(drive.scans.begin(), drive.scans.begin() + 300);
+  for (std::size_t i = 1000; i < 1400; ++i) {
+    scans.push_back(later.scans[i]);
+    scans.back().index = scans.size() - 1;
+    scans.back().stamp_us = scans[299].stamp_us + 1'000'000 + static_cast<std::int64_t>(i - 1000) * 25'000;
+  }
+  const Run run = run_mapper(scans);
+  expect_finite(run.reports);
+  expect_sound_submaps(run);
+  EXPECT_GE(run.counters.breaks, 1U);
+  EXPECT_TRUE(std::any_of(run.submaps.begin(), run.submaps.end(), [](const FinishedSubmap& s) { return !s.linked_to_previous; }));
+}
+
+TEST(MapperFaultTest, FewBeamsAndChangingGeometryAndStampsDoNotHarm) {
+  std::vector<Scan> scans(fast_drive().scans.begin(), fast_drive().scans.begin() + 200);
+  for (std::size_t i = 50; i < scans.size(); ++i) {
+    Scan& s = scans[i];
+    if (i % 10 == 0) s.ranges_mm.clear();
+    if (i % 10 == 1) s.ranges_mm.resize(1);
+    if (i % 10 == 2) s.ranges_mm.resize(2);
+    if (i % 10 == 3) s.ranges_mm.resize(5000, 4000);
+    if (i % 10 == 4) s.geometry.angle_step_rad *= 2.0;
+    if (i % 10 == 5) s.geometry.base_from_sensor = {0.3, -0.1, 1.0};
+    if (i % 20 == 6) s.stamp_us = scans[i - 1].stamp_us;
+    if (i % 20 == 16) s.stamp_us = scans[i - 1].stamp_us - 3'000'000;
+  }
+  const Run run = run_mapper(scans);
+  expect_finite(run.reports);
+  expect_sound_submaps(run);
+}
+
+TEST(MapperFaultTest, GarbageScansLeaveFinitePoses) {
+  for (const FilterMode mode : {FilterMode::kAdaptive, FilterMode::kRbpf, FilterMode::kFastSlam}) {
+    CounterRandom random(5, static_cast<std::uint64_t>(mode), 0);
+    std::vector<Scan> scans;
+    std::int64_t stamp_us = 0;
+    for (std::uint64_t i = 0; i < 150; ++i) {
+      Scan scan;
+      scan.index = i;
+      stamp_us += static_cast<std::int64_t>(random.uniform(-2e5, 4e5));
+      if (random.uniform() < 0.02) stamp_us += 100'000'000'000;
+      scan.stamp_us = stamp_us;
+      scan.geometry.first_angle_rad = random.uniform(-7.0, 7.0);
+      scan.geometry.angle_step_rad = random.uniform(-0.1, 0.1);
+      scan.geometry.sweep_s = random.uniform(-0.1, 0.2);
+      scan.geometry.range_max_m = random.uniform(0.0, 80.0);
+      scan.geometry.base_from_sensor = {random.uniform(-2.0, 2.0), random.uniform(-2.0, 2.0), random.uniform(-9.0, 9.0)};
+      scan.ranges_mm.resize(static_cast<std::size_t>(random.uniform(0.0, 3000.0)));
+      for (std::uint16_t& r : scan.ranges_mm) r = static_cast<std::uint16_t>(random.next_u64());
+      if (random.uniform() < 0.5) scan.odometry = Pose2{random.uniform(-1e6, 1e6), random.uniform(-1e6, 1e6), random.uniform(-1e3, 1e3)};
+      scans.push_back(std::move(scan));
+    }
+    MapperOptions options;
+    options.filter = mode;
+    options.particles = 5;
+    const Run run = run_mapper(scans, options, 2);
+    SCOPED_TRACE(static_cast<int>(mode));
+    expect_finite(run.reports);
+    expect_sound_submaps(run);
+  }
+}
+
+TEST(MapperFaultTest, ANewSubmapWaitsUntilTheOldOneIsTaken) {
+  MapperOptions options;
+  options.limits.path_m = 4.0;
+  SerialPool pool;
+  Mapper mapper(options, Uuid::from_seed(1, 1), Uuid::from_seed(1, 2), pool);
+  const Drive& drive = fast_drive();
+  std::vector<ScanReport> reports;
+  for (const Scan& scan : drive.scans) {
+    reports.push_back(mapper.process(scan));
+    if (scan.index == 600) break;
+  }
+  ASSERT_TRUE(mapper.has_finished());
+  EXPECT_EQ(mapper.take_finished()->id.index, 0U);
+  EXPECT_FALSE(mapper.has_finished()) << "nothing was closed meanwhile";
+  mapper.process(drive.scans[601]);
+  ASSERT_TRUE(mapper.has_finished());
+  EXPECT_EQ(mapper.take_finished()->id.index, 1U);
+  EXPECT_LT(error_of(reports, std::span(drive.truth).first(601)).rms_m, 0.05);
+}
+
+// ---- all filters ----
+
+MapperOptions filter_options(FilterMode mode) {
+  MapperOptions options;
+  options.filter = mode;
+  options.particles = mode == FilterMode::kRbpf ? 10 : 30;
+  options.limits.path_m = 2.0;
+  return options;
+}
+
+TEST(MapperFilterTest, RbpfTracksASlowDrive) {
+  const Run run = run_mapper(slow_drive().scans, filter_options(FilterMode::kRbpf));
+  const TrajectoryError error = error_of(run.reports, slow_drive().truth);
+  std::printf("rbpf: rms %.1f mm, max %.1f mm\n", 1e3 * error.rms_m, 1e3 * error.max_m);
+  EXPECT_LT(error.rms_m, 0.03);
+  EXPECT_EQ(run.counters.breaks, 0U);
+  expect_sound_submaps(run);
+  for (const ScanReport& r : run.reports) EXPECT_EQ(r.particles, 10);
+}
+
+TEST(MapperFilterTest, FastSlamTracksASlowDrive) {
+  const Run run = run_mapper(slow_drive().scans, filter_options(FilterMode::kFastSlam));
+  const TrajectoryError error = error_of(run.reports, slow_drive().truth);
+  std::printf("fastslam: rms %.1f mm, max %.1f mm\n", 1e3 * error.rms_m, 1e3 * error.max_m);
+  EXPECT_LT(error.rms_m, 0.10);
+  EXPECT_EQ(run.counters.breaks, 0U);
+  expect_sound_submaps(run);
+}
+
+TEST(MapperFilterTest, OneParticleLastsForManySubmaps) {
+  MapperOptions options = filter_options(FilterMode::kRbpf);
+  options.particles = 1;
+  options.max_adaptive_particles = 1;
+  options.limits.path_m = 1.0;
+  const Run run = run_mapper(fast_drive().scans, options);
+  const TrajectoryError error = error_of(run.reports, fast_drive().truth);
+  EXPECT_LT(error.rms_m, 0.1);
+  EXPECT_EQ(run.counters.breaks, 0U);
+  expect_sound_submaps(run);
+}
+
+class MapperThreadsTest : public testing::TestWithParam<FilterMode> {};
+
+TEST_P(MapperThreadsTest, SameBitsForAnyNumberOfThreads) {
+  const std::vector<Scan> scans(slow_drive().scans.begin(), slow_drive().scans.begin() + 160);
+  const Run one = run_mapper(scans, filter_options(GetParam()), 1);
+  for (const int threads : {2, 4}) {
+    SCOPED_TRACE(threads);
+    const Run run = run_mapper(scans, filter_options(GetParam()), threads);
+    ASSERT_EQ(run.reports.size(), one.reports.size());
+    for (std::size_t i = 0; i < run.reports.size(); ++i) {
+      ASSERT_EQ(run.reports[i].odom_from_base, one.reports[i].odom_from_base) << "scan " << i;
+      ASSERT_EQ(run.reports[i].covariance, one.reports[i].covariance) << "scan " << i;
+      ASSERT_EQ(run.reports[i].n_eff, one.reports[i].n_eff) << "scan " << i;
+    }
+    ASSERT_EQ(run.submaps.size(), one.submaps.size());
+    for (std::size_t k = 0; k < run.submaps.size(); ++k) {
+      ASSERT_EQ(run.submaps[k].blocks.size(), one.submaps[k].blocks.size());
+      for (std::size_t b = 0; b < run.submaps[k].blocks.size(); ++b) {
+        ASSERT_EQ(run.submaps[k].blocks[b].cells, one.submaps[k].blocks[b].cells);
+      }
+    }
+  }
+}
+
+TEST_P(MapperThreadsTest, AnotherSeedIsAnotherRunWhereParticlesAreDrawn) {
+  const std::vector<Scan> scans(slow_drive().scans.begin(), slow_drive().scans.begin() + 100);
+  MapperOptions options = filter_options(GetParam());
+  const Run one = run_mapper(scans, options);
+  options.seed = 2;
+  const Run two = run_mapper(scans, options);
+  bool same = true;
+  for (std::size_t i = 0; i < scans.size(); ++i) same = same && one.reports[i].odom_from_base == two.reports[i].odom_from_base;
+  EXPECT_EQ(same, GetParam() == FilterMode::kAdaptive) << "the seed must reach the particles";
+}
+
+INSTANTIATE_TEST_SUITE_P(AllFilters, MapperThreadsTest,
+                         testing::Values(FilterMode::kAdaptive, FilterMode::kRbpf, FilterMode::kFastSlam),
+                         [](const testing::TestParamInfo<FilterMode>& info) {
+                           return info.param == FilterMode::kAdaptive ? "adaptive"
+                                  : info.param == FilterMode::kRbpf   ? "rbpf"
+                                                                      : "fastslam";
+                         });
+
+}  // namespace
+}  // namespace submapd
