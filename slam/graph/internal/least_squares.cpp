@@ -86,12 +86,8 @@ Expected<SolveSummary> solve(LeastSquaresGraph& graph, const SolveOptions& optio
   ownership.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ownership.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ceres::Problem problem(ownership);
-  for (auto& pose : poses) {
-    problem.AddParameterBlock(pose.data(), 3, &manifold);
-  }
-  for (auto& point : points) {
-    problem.AddParameterBlock(point.data(), 2);
-  }
+  for (auto& pose : poses) problem.AddParameterBlock(pose.data(), 3, &manifold);
+  for (auto& point : points) problem.AddParameterBlock(point.data(), 2);
   for (const PoseRow& row : graph.pose_rows) {
     problem.AddResidualBlock(new RelativePoseCost(row.measurement, row.whitening), nullptr, poses[row.from].data(),
                              poses[row.to].data());
