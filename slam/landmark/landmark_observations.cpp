@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <iterator>
 #include <numbers>
 
 namespace submapd {
@@ -10,6 +11,9 @@ namespace {
 
 constexpr double kBeamNear_m = 0.15;
 constexpr std::size_t kFewestUnshared = 2;  // with fewer, shared key-frames fill up
+// Every so many key-frames of a sub-map are its regular observers: the fewer key-frames the landmarks tie together, the
+// less fill the final solve has, and between neighbours the steps are far surer than a landmark.
+constexpr std::uint32_t kRegularStride = 4;
 
 // Bearings a beam that ends near the spot can have: the spot's size, plus what the cart turns during the sweep.
 double bearing_margin(const Keyframe& keyframe, double range_m) {
@@ -18,8 +22,13 @@ double bearing_margin(const Keyframe& keyframe, double range_m) {
   return std::atan2(kBeamNear_m + moved_m, range_m) + turned + std::abs(keyframe.geometry.angle_step_rad);
 }
 
-// `count` of `from`, evenly spread, first and last included where there are two.
-std::vector<std::uint32_t> spread(const std::vector<std::uint32_t>& from, std::size_t count) {
+// `count` of `all`, or of its regular observers if they suffice, evenly spread, first and last included where there
+// are two.
+std::vector<std::uint32_t> spread(const std::vector<std::uint32_t>& all, std::size_t count) {
+  std::vector<std::uint32_t> regular;
+  std::copy_if(all.begin(), all.end(), std::back_inserter(regular),
+               [](std::uint32_t keyframe) { return keyframe % kRegularStride == 0; });
+  const std::vector<std::uint32_t>& from = regular.size() >= kFewestUnshared ? regular : all;
   if (from.size() <= count) {
     return from;
   }

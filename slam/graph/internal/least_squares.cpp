@@ -1,7 +1,6 @@
 #include "slam/graph/internal/least_squares.hpp"
 
 #include <ceres/loss_function.h>
-#include <ceres/ordered_groups.h>
 #include <ceres/problem.h>
 #include <ceres/solver.h>
 #include <glog/logging.h>
@@ -9,7 +8,6 @@
 #include <Eigen/Cholesky>
 #include <array>
 #include <cmath>
-#include <memory>
 
 #include "slam/graph/internal/cost_functions.hpp"
 #include "slam/graph/internal/uncertain_pose.hpp"
@@ -17,10 +15,10 @@
 namespace submapd::graph {
 namespace {
 
-// Below these a dense factorisation is the quickest, and Schur's bookkeeping does not pay (notes 11.3).
+// Below these a dense factorisation is the quickest. Above, points need no elimination of their own: the fill-reducing
+// ordering of the whole finds them, and Schur's bookkeeping costs more than it saves.
 constexpr std::size_t kDensePoses = 8;
 constexpr std::size_t kDensePoints = 24;
-constexpr std::size_t kSchurPoints = 100;
 
 template <typename Matrix>
 std::optional<Matrix> whiten(const Matrix& covariance, double scale) {
@@ -38,7 +36,7 @@ double robust_half_cost(double squared, double scale) {
 
 ceres::LinearSolverType linear_solver(const LeastSquaresGraph& graph) {
   if (graph.poses.size() <= kDensePoses && graph.points.size() <= kDensePoints) return ceres::DENSE_NORMAL_CHOLESKY;
-  return graph.points.size() >= kSchurPoints ? ceres::SPARSE_SCHUR : ceres::SPARSE_NORMAL_CHOLESKY;
+  return ceres::SPARSE_NORMAL_CHOLESKY;
 }
 
 // Ceres reports every refused step through glog, which writes to stderr unless told not to; what matters is in the
@@ -88,15 +86,8 @@ Expected<SolveSummary> solve(LeastSquaresGraph& graph, const SolveOptions& optio
   ownership.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ownership.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ceres::Problem problem(ownership);
-  auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
-  for (auto& pose : poses) {
-    problem.AddParameterBlock(pose.data(), 3, &manifold);
-    ordering->AddElementToGroup(pose.data(), 1);
-  }
-  for (auto& point : points) {
-    problem.AddParameterBlock(point.data(), 2);
-    ordering->AddElementToGroup(point.data(), 0);
-  }
+  for (auto& pose : poses) problem.AddParameterBlock(pose.data(), 3, &manifold);
+  for (auto& point : points) problem.AddParameterBlock(point.data(), 2);
   for (const PoseRow& row : graph.pose_rows) {
     problem.AddResidualBlock(new RelativePoseCost(row.measurement, row.whitening), nullptr, poses[row.from].data(),
                              poses[row.to].data());
@@ -109,13 +100,12 @@ Expected<SolveSummary> solve(LeastSquaresGraph& graph, const SolveOptions& optio
 
   ceres::Solver::Options solver;
   solver.linear_solver_type = linear_solver(graph);
-  solver.linear_solver_ordering = ordering;
   solver.max_num_iterations = options.max_iterations;
   solver.num_threads = 1;
   solver.logging_type = ceres::SILENT;
   solver.minimizer_progress_to_stdout = false;
   // Tight, so that it is the iterations and not a lucky step that end a solve.
-  solver.function_tolerance = 1e-9;
+  solver.function_tolerance = 1e-7;
   solver.parameter_tolerance = 1e-12;
   solver.gradient_tolerance = 1e-12;
   ceres::Solver::Summary summary;

@@ -8,6 +8,8 @@
 namespace submapd::internal {
 namespace {
 
+constexpr int kMaxNodes = 25'000;  // opened in one search; some 75 ms
+
 std::int16_t clamp_cell(double cell) {
   constexpr double kLimit = 16000.0;  // far outside any plane, and room for the offsets
   return static_cast<std::int16_t>(std::floor(std::clamp(cell, -kLimit, kLimit)));
@@ -18,6 +20,7 @@ std::int16_t clamp_cell(double cell) {
 struct PlacementSearch::Best {
   std::int32_t score = 0;  // to be exceeded
   bool found = false;
+  int budget = kMaxNodes;  // nodes that may still be opened
   Node node;
   const ExclusionZone* zone = nullptr;
 };
@@ -88,6 +91,10 @@ void PlacementSearch::descend(const Node& node, int level, Best& best) const {
     best.node = node;
     return;
   }
+  if (best.budget == 0) {
+    return;
+  }
+  --best.budget;
   const int half = 1 << (level - 1);
   std::array<Node, 4> children{};
   std::size_t count = 0;
@@ -117,6 +124,9 @@ std::optional<Placement> PlacementSearch::best(std::int32_t threshold, const Exc
   for (const Node& root : roots_) {
     if (root.bound <= best.score) {
       break;
+    }
+    if (best.budget == 0 && zone != nullptr && !best.found) {
+      return Placement{pose_of(root), root.bound};
     }
     descend(root, grid_.levels() - 1, best);
   }

@@ -1,6 +1,7 @@
 // Branch and bound over (x, y, angle): the best placement of b's surface points on a's score plane (design notes 9.1).
 //
-// Exact: the result is that of trying every placement of the window. Deterministic: integer scores, fixed order.
+// Exact while its budget of nodes lasts: the result is that of trying every placement of the window. Deterministic:
+// integer scores, fixed order, a budget that is counted and not timed.
 #pragma once
 
 #include <Eigen/Core>
@@ -42,7 +43,8 @@ class PlacementSearch {
   PlacementSearch(const CellPlane& plane, const MatchGrid& grid, const std::vector<Eigen::Vector2d>& points,
                   const SearchWindow& window);
 
-  // The best placement with score >= threshold and outside the zone, if there is one.
+  // The best placement with score >= threshold and outside the zone, if there is one. When the budget runs out: the
+  // best so far; with a zone and none so far, a placement that could not be excluded, with its bound as score.
   [[nodiscard]] std::optional<Placement> best(std::int32_t threshold, const ExclusionZone* zone) const;
 
  private:
