@@ -138,6 +138,31 @@ RC_GTEST_PROP(CorrelativeSearchTest, EqualsTryingEverything, ()) {
   }
 }
 
+// Found by EqualsTryingEverything (seed 5, 877th case): stored distances are rounded at both ends, so those of two
+// cells may differ by a whole unit more than the cells' distance; a bound that allowed for half a unit lost the best
+// offset.
+TEST(CorrelativeSearchTest, BoundAllowsForTheRoundingOfBothCells) {
+  DistanceLayers layers(64, 1);
+  const int layer = layers.create();
+  for (const CellIndex c : {CellIndex{-19, -7}, {-12, -14}, {-25, -18}, {-25, -25}}) {
+    (void)layers.stamp(layer, {kMapBias + c.ix, kMapBias + c.iy});
+  }
+  std::vector<ScanPoint> points(3);
+  points[0].x = points[0].y = -1300 * 1e-3F;
+  points[1].x = -253 * 1e-3F;
+  points[1].y = -476 * 1e-3F;
+  points[2].x = -938 * 1e-3F;
+  points[2].y = -984 * 1e-3F;
+  CorrelativeOptions options;
+  options.prior_weight = 0.0;
+  CorrelativeSearch search(options);
+  const Pose2 centre{0.0, -32 * 0.011, -85 * 0.01};
+  const SearchWindow window{0.04, 0.04, 3 * 0.06};
+  const CorrelativeResult result = search.search(points, 1.5, layers.view(layer), kCell_m, centre, window);
+  const Exhaustive all(points, 1.5, layers.view(layer), centre, window, options);
+  EXPECT_NEAR(result.score, all.best([](const Exhaustive::Offset&) { return true; }), kFloat);
+}
+
 TEST(CorrelativeSearchTest, FindsTheTruthInARoom) {
   const World world = furnished_room();
   const RoomMap map(world, tour());

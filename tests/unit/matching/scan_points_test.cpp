@@ -66,8 +66,9 @@ RC_GTEST_PROP(ScanPointsTest, SecondOrderAgreesWithTheExponential, ()) {
   points.assign(scan, twist);
   RC_ASSERT(points.beams().size() == 101U);
   const double phi = std::abs(twist.wz) * 0.025;
-  // Left out: phi^3 / 6 of the range and of the way.
-  const double limit = phi * phi * phi / 6.0 * (range + 0.1) * 1.5 + 5e-6 + 4e-7 * range;
+  const double way = std::hypot(twist.vx, twist.vy) * 0.025;
+  // Left out: phi^3 / 6 of the range and phi^2 / 6 of the way; the rest is single precision.
+  const double limit = phi * phi * phi / 6.0 * range + phi * phi / 6.0 * way + 1e-6 + 4e-7 * range;
   for (std::size_t i = 0; i < 101; ++i) {
     const double angle = scan.geometry.first_angle_rad + static_cast<double>(i) * scan.geometry.angle_step_rad;
     const Pose2 moved = exp_twist(twist, 0.025 * static_cast<double>(i) / 100.0);
@@ -87,9 +88,9 @@ Scan still(std::vector<std::uint16_t> ranges) {
 
 TEST(ScanPointsTest, FiltersBeamsThatAreNoMeasurement) {
   ScanPoints points({}, 1081);
-  points.assign(still({0, 1, 99, 100, 5000, 29999, 30000, 40000, 65535}), {});
+  points.assign(still({0, 1, 99, 100, 100, 29999, 29999, 30000, 65535}), {});
   ASSERT_EQ(points.beams().size(), 9U);
-  const std::vector<bool> kept{false, false, false, true, true, true, false, false, false};
+  const std::vector<bool> kept{false, false, false, true, true, true, true, false, false};
   std::size_t n = 0;
   for (std::size_t i = 0; i < 9; ++i) {
     const BeamEnd& b = points.beams()[i];
@@ -189,13 +190,15 @@ RC_GTEST_PROP(ScanPointsTest, ThinningKeepsItsCountAndSpacing, ()) {
   const std::vector<ScanPoint>& thin = points.thinned();
   RC_ASSERT(!thin.empty());
   RC_ASSERT(static_cast<int>(thin.size()) <= options.thin_to);
-  RC_ASSERT(thin.size() >= std::min<std::size_t>(points.all().size(), 100U));
+  if (kind == 1) {
+    RC_ASSERT(thin.size() > 200U);  // a room's 14 m of wall
+  }
   auto from = points.all().begin();
   for (std::size_t i = 0; i < thin.size(); ++i) {
     from = std::find_if(from, points.all().end(),
                         [&](const ScanPoint& p) { return p.x == thin[i].x && p.y == thin[i].y; });
     RC_ASSERT(from != points.all().end());
-    if (i > 0) {
+    if (i > 0 && static_cast<int>(thin.size()) < options.thin_to) {
       RC_ASSERT(std::hypot(thin[i].x - thin[i - 1].x, thin[i].y - thin[i - 1].y) >= 0.999F * 0.025F);
     }
   }

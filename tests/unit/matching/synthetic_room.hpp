@@ -85,10 +85,16 @@ inline Scan noisy_scan(const World& world, const Pose2& pose, double sigma_m, Co
 
 // A map of the world from scans at known poses, with a distance field of its own.
 struct RoomMap {
-  explicit RoomMap(const World& world, const std::vector<Pose2>& poses, double sigma_m = 0.0, std::uint64_t seed = 1) {
+  RoomMap(const World& world, const std::vector<Pose2>& poses, double sigma_m = 0.0, std::uint64_t seed = 1) {
+    insert(world, poses, poses, sigma_m, seed);
+  }
+  // Scans taken at the true poses, put where the believed ones say.
+  void insert(const World& world, const std::vector<Pose2>& truth, const std::vector<Pose2>& believed, double sigma_m,
+              std::uint64_t seed) {
     CounterRandom random(seed, 100, 0);
-    for (const Pose2& pose : poses) {
-      const Scan scan = noisy_scan(world, pose, sigma_m, random);
+    for (std::size_t i = 0; i < truth.size(); ++i) {
+      const Pose2& pose = believed[i];
+      const Scan scan = noisy_scan(world, truth[i], sigma_m, random);
       ScanPoints points({}, 1081);
       points.assign(scan, {});
       std::vector<BeamEnd> beams = points.beams();
