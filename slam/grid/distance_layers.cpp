@@ -125,19 +125,20 @@ bool DistanceLayers::stamp(int layer, CellIndex cell) {
   return complete;
 }
 
-void DistanceLayers::clear_occupied(int layer, CellIndex cell) {
+bool DistanceLayers::clear_occupied(int layer, CellIndex cell) {
   Layer& l = layers_[static_cast<std::size_t>(layer)];
   std::uint8_t* plane = writable_plane(l, block_of(cell));
-  if (plane == nullptr) return;
+  if (plane == nullptr) return false;
   std::uint8_t& value = plane[offset_of(cell)];
   if (value == 0) value = kDistanceUnitsPerCell;
+  return true;
 }
 
-void DistanceLayers::rebuild_block(int layer, int block) {
+bool DistanceLayers::rebuild_block(int layer, int block) {
   Layer& l = layers_[static_cast<std::size_t>(layer)];
-  if (l.directory[static_cast<std::size_t>(block)] == 0) return;
+  if (l.directory[static_cast<std::size_t>(block)] == 0) return true;
   std::uint8_t* plane = writable_plane(l, block);
-  if (plane == nullptr) return;
+  if (plane == nullptr) return false;
   // Occupied cells (value 0) of this block and of the 8-cell rim around it.
   const int bx = block % kDirectoryBlocks;
   const int by = block / kDirectoryBlocks;
@@ -162,6 +163,7 @@ void DistanceLayers::rebuild_block(int layer, int block) {
     }
   }
   std::memcpy(plane, fresh.data(), kBlockArea);
+  return true;
 }
 
 DistanceView DistanceLayers::view(int layer) const {

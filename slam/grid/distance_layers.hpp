@@ -56,10 +56,11 @@ class DistanceLayers {
   bool stamp(int layer, CellIndex cell);
 
   // Rebuilds one block of a layer from its occupied cells (value 0) and those of the neighbour blocks, after cells were
-  // cleared with clear_occupied().
-  void rebuild_block(int layer, int block);
+  // cleared with clear_occupied(). Returns false when the block is shared and the plane pool full: nothing has changed.
+  bool rebuild_block(int layer, int block);
   // Takes away the "occupied" mark of a cell; the field around it stays too low until the blocks nearby are rebuilt.
-  void clear_occupied(int layer, CellIndex cell);
+  // Returns false as rebuild_block() does.
+  bool clear_occupied(int layer, CellIndex cell);
 
   [[nodiscard]] DistanceView view(int layer) const;
   [[nodiscard]] std::size_t bytes_used() const;

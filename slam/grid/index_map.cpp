@@ -31,7 +31,7 @@ IndexMap::IndexMap(const IndexMapOptions& options, DistanceLayers& layers)
       occupied_log_odds_(log_odds(options.occupancy.occupied_above)),
       free_log_odds_(log_odds(options.occupancy.free_below)) {
   hits_.reserve(static_cast<std::size_t>(options.max_beams));
-  dirty_.reserve(kDirectorySize);
+  dirty_.reserve(kDirectorySize + kMaxRebuildsPerScan);
   for (std::size_t i = 0; i < 256; ++i) {
     hit_log_odds_[i] = static_cast<float>(static_cast<double>(i) * std::log(options.occupancy.odds_hit));
     miss_log_odds_[i] = static_cast<float>(static_cast<double>(i) * std::log(options.occupancy.odds_free));
@@ -82,7 +82,10 @@ void IndexMap::review_cell(Block& block, int offset) {
   if (!obstacle && l > occupied_log_odds_) {
     if (!layers_.stamp(layer_, cell)) ++refused_;
   } else if (obstacle && l < free_log_odds_) {
-    layers_.clear_occupied(layer_, cell);
+    if (!layers_.clear_occupied(layer_, cell)) {
+      ++refused_;
+      return;  // still an obstacle: the next look through tries again
+    }
     surface_.forget((cell.ix - kMapBias + 0.5) * options_.cell_m, (cell.iy - kMapBias + 0.5) * options_.cell_m);
     const int x0 = std::max(cell.ix - kDistanceRadiusCells, 0) >> 6;
     const int x1 = std::min(cell.ix + kDistanceRadiusCells, kMapCells - 1) >> 6;
@@ -169,8 +172,12 @@ void IndexMap::rebuild_dirty() {
   // A budget a scan keeps the worst case short; the rest stays marked and comes later.
   const std::size_t n = std::min(dirty_.size(), kMaxRebuildsPerScan);
   for (std::size_t i = 0; i < n; ++i) {
-    layers_.rebuild_block(layer_, dirty_[i]);
-    is_dirty_[static_cast<std::size_t>(dirty_[i])] = false;
+    if (layers_.rebuild_block(layer_, dirty_[i])) {
+      is_dirty_[static_cast<std::size_t>(dirty_[i])] = false;
+    } else {  // planes are full: again when it is this block's turn
+      ++refused_;
+      dirty_.push_back(dirty_[i]);
+    }
   }
   dirty_.erase(dirty_.begin(), dirty_.begin() + static_cast<std::ptrdiff_t>(n));
 }

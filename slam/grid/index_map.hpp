@@ -41,7 +41,7 @@ struct IndexMapOptions {
 
 class IndexMap {
  public:
-  // Takes one layer of `layers`, which must outlive the map.
+  // Takes one layer of `layers`, which must outlive the map. REQUIRES: a layer is free.
   IndexMap(const IndexMapOptions& options, DistanceLayers& layers);
   ~IndexMap();
   IndexMap(const IndexMap&) = delete;

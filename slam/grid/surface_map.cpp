@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 namespace submapd {
 namespace {
@@ -226,6 +227,7 @@ void SurfaceMap::forget(double x_m, double y_m) {
     SurfaceFace& face = faces_[f];
     face.n = face.sum_x = face.sum_y = face.sum_xx = face.sum_xy = face.sum_yy = 0.0F;
     face.keyframes = 0;
+    face.view_sectors = 0;
   }
   for (int ny = iy - 1; ny <= iy + 1; ++ny) {
     for (int nx = ix - 1; nx <= ix + 1; ++nx) {

@@ -116,8 +116,8 @@ CorrelativeResult CorrelativeSearch::search(std::span<const ScanPoint> points, d
     for (std::size_t level = 0; level < table_.size(); ++level) {
       const double rho = level == 0 ? 0.0 : std::sqrt(2.0) * side_of(level) / 2.0;
       for (std::size_t i = 0; i <= kDistanceFar; ++i) {
-        // A byte is rounded to the nearest 1/8 cell: the bound allows for half a unit more.
-        const double units = static_cast<double>(i) - (level == 0 ? 0.0 : 0.5);
+        // Both bytes are rounded to the nearest 1/8 cell, the centre's and the offset's: the bound allows for a unit more.
+        const double units = static_cast<double>(i) - (level == 0 ? 0.0 : 1.0);
         const double d = std::max(units / kDistanceUnitsPerCell - rho, 0.0) * cell_m;
         table_[level][i] = static_cast<float>(std::exp(-0.5 * d * d / (options_.sigma_m * options_.sigma_m)));
       }
@@ -133,9 +133,10 @@ CorrelativeResult CorrelativeSearch::search(std::span<const ScanPoint> points, d
   const int side = side_of(kTopLevel);
   const int per_angle = ((2 * half_u_ + side) / side) * ((2 * half_v_ + side) / side);
   yaw_step_rad_ = cell_m / std::max(far_range_m, 1.0);
-  const int max_angles = std::max(options_.max_nodes / per_angle, 1);
-  yaw_step_rad_ = std::max(yaw_step_rad_, 2.0 * window.half_yaw_rad / max_angles);
-  angles_ = static_cast<int>(std::ceil(window.half_yaw_rad / yaw_step_rad_));
+  // Angles to either side that leave room for all their nodes: a dropped node is a pose never tried.
+  const int max_angles = std::max((options_.max_nodes / per_angle - 1) / 2, 0);
+  yaw_step_rad_ = std::max(yaw_step_rad_, window.half_yaw_rad / std::max(max_angles, 1));
+  angles_ = std::min(static_cast<int>(std::ceil(window.half_yaw_rad / yaw_step_rad_)), max_angles);
   peak_cells_ = static_cast<int>(options_.peak_distance_m / cell_m);
   peak_angles_ = static_cast<int>(options_.peak_distance_rad / yaw_step_rad_);
 

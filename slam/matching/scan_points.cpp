@@ -140,6 +140,12 @@ void ScanPoints::thin() {
     const ScanPoint& last = thinned_.back();
     if (std::hypot(p.x - last.x, p.y - last.y) >= spacing) thinned_.push_back(p);
   }
+  // Wide jumps count as 0.3 m above but keep both their points: a scan of many may need a second thinning, by number.
+  const auto limit = static_cast<std::size_t>(options_.thin_to);
+  if (const std::size_t n = thinned_.size(); n > limit) {
+    for (std::size_t i = 0; i < limit; ++i) thinned_[i] = thinned_[i * n / limit];
+    thinned_.resize(limit);
+  }
 }
 
 }  // namespace submapd
