@@ -83,8 +83,8 @@ std::string sections_of(const std::vector<Key>& keys) {
 
 std::string allowed(const Key& key) {
   if (std::holds_alternative<bool*>(key.field)) return "true or false";
-  if (!key.choices.empty()) return "one of " + key.choices;
-  const std::string unit = (key.unit.empty() ? "" : " ") + std::string(key.unit);
+  if (!key.choices.empty()) return fmt::format("one of {}", key.choices);
+  const std::string unit = fmt::format("{}{}", key.unit.empty() ? "" : " ", key.unit);
   if (!std::holds_alternative<double*>(key.field)) return fmt::format("a whole number from {:.0f} to {:.0f}{}", key.low, key.high, unit);
   return fmt::format("a number from {:g} to {:g}{}", key.low, key.high, unit);
 }
@@ -116,7 +116,7 @@ std::string default_text(const Key& key) {
   if (double* const* real = std::get_if<double*>(&key.field)) return fmt::format("{:.6g}", **real);
   if (int* const* number = std::get_if<int*>(&key.field)) return fmt::format("{}", **number);
   if (std::uint64_t* const* number = std::get_if<std::uint64_t*>(&key.field)) return fmt::format("{}", **number);
-  return '"' + key.text_default + '"';
+  return fmt::format("\"{}\"", key.text_default);
 }
 
 }  // namespace

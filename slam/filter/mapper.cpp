@@ -13,6 +13,7 @@ namespace submapd {
 namespace {
 
 constexpr double kMinKnownRatio = 0.10;     // less of the scan on known ground: new territory, nothing to contradict
+constexpr std::size_t kMinPoints = 10;      // fewer: the sensor sees nothing, which is no new territory
 constexpr double kGoodMatch = 0.55;         // share of the points on known ground that must fit
 constexpr double kMinWindow_m = 0.3;        // correlative search: at least this far ...
 constexpr double kMinWindow_rad = 0.1745;   // ... and 10 deg
@@ -182,8 +183,9 @@ struct Mapper::Impl {
     p.match = match_scan(points, field_of(p), front->map(), start, p.prior, options.matcher);
   }
 
+  [[nodiscard]] bool blind() const { return points.thinned().size() < kMinPoints; }
   [[nodiscard]] bool acceptable(const KnownFit& fit) const {
-    return fit.known_ratio < kMinKnownRatio || fit.matched_ratio >= kGoodMatch;
+    return !blind() && (fit.known_ratio < kMinKnownRatio || fit.matched_ratio >= kGoodMatch);
   }
 
   // Log of what the map and the motion model together say about a pose, up to a constant.
@@ -477,7 +479,7 @@ ScanReport Mapper::process(const Scan& scan) {
       for (Particle& p : particles) {
         KnownFit own = known_fit(m.points, m.field_of(p), m.front->map(), p.match.pose);
         const bool search_anyway = low_rate && !m.odometry_delta && m.single();
-        if (!m.acceptable(own) || search_anyway) {
+        if (!m.blind() && (!m.acceptable(own) || search_anyway)) {
           found = m.search_about(p, m.predict(p, step_s).sigma);
           searched = &found;
           own = known_fit(m.points, m.field_of(p), m.front->map(), p.match.pose);
@@ -527,6 +529,10 @@ ScanReport Mapper::process(const Scan& scan) {
       ++m.lost_scans;
       ++m.counters.lost_scans;
       m.lost_time_s += step_s;
+      if (m.lost_time_s > o.motion.max_extrapolation_s) {
+        for (Particle& p : m.set.particles()) p.twist = {};
+        m.unwarp_twist = {};
+      }
     } else {
       m.lost_scans = 0;
       m.lost_time_s = 0.0;
@@ -534,7 +540,8 @@ ScanReport Mapper::process(const Scan& scan) {
     if (!m.single()) m.resample_if_needed(scan.index);
     m.adapt(searched, scan.index);
 
-    if (report.lost && m.lost_scans >= kLostBreakScans && m.lost_time_s > kLostBreak_s && m.finished == nullptr) {
+    const bool given_up = m.lost_scans >= kLostBreakScans && m.lost_time_s > kLostBreak_s;
+    if (given_up && !m.blind() && m.finished == nullptr) {
       m.break_track(scan, FinishReason::kDivergence);
       first = true;
     } else {
