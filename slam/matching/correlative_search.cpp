@@ -58,7 +58,8 @@ bool CorrelativeSearch::near_peak(const Leaf& peak, int angle, int u, int v, int
 }
 
 void CorrelativeSearch::descend(const DistanceView& field, int u, int v, std::size_t level, int angle, Leaf& best,
-                                const Leaf* apart) const {
+                                const Leaf* apart) {
+  if (--expansions_left_ < 0) return;
   struct Child {
     float bound;
     int u;
@@ -91,9 +92,10 @@ void CorrelativeSearch::descend(const DistanceView& field, int u, int v, std::si
 CorrelativeSearch::Leaf CorrelativeSearch::best_leaf(const DistanceView& field, float at_least, const Leaf* apart) {
   Leaf best;
   best.score = at_least;
+  expansions_left_ = options_.max_expansions;
   int rotated = angles_ + 1;  // no angle
   for (const Node& node : nodes_) {
-    if (node.bound <= best.score) break;  // sorted
+    if (node.bound <= best.score || expansions_left_ < 0) break;  // sorted
     if (apart != nullptr && near_peak(*apart, node.angle, node.u, node.v, side_of(kTopLevel))) continue;
     if (node.angle != rotated) {
       rotate(node.angle);
@@ -157,6 +159,7 @@ CorrelativeResult CorrelativeSearch::search(std::span<const ScanPoint> points, d
     return a.v != b.v ? a.v < b.v : a.u < b.u;
   });
   const Leaf best = best_leaf(field, -1.0F, nullptr);
+  result.complete = expansions_left_ >= 0;
   const auto pose_of = [&](const Leaf& leaf) {
     return Pose2{centre.x + leaf.u * cell_m, centre.y + leaf.v * cell_m, centre.yaw + leaf.angle * yaw_step_rad_};
   };
@@ -164,6 +167,7 @@ CorrelativeResult CorrelativeSearch::search(std::span<const ScanPoint> points, d
   result.score = static_cast<double>(best.score + penalty(best.angle, best.u, best.v, 1));
   const float half_of_best = 0.5F * best.score;
   const Leaf second = best_leaf(field, half_of_best, &best);
+  result.complete = result.complete && expansions_left_ >= 0;
   if (second.score > half_of_best) {
     result.second_pose = pose_of(second);
     result.second_score = static_cast<double>(second.score + penalty(second.angle, second.u, second.v, 1));

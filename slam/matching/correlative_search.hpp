@@ -23,7 +23,8 @@ struct SearchWindow {
 struct CorrelativeOptions {
   double sigma_m = 0.075;        // of the score K = exp(-d^2 / 2 sigma^2)
   int max_points = 120;
-  int max_nodes = 200000;        // coarse nodes of one search; wider windows take coarser angles
+  int max_nodes = 30000;         // coarse nodes of one search; wider windows take coarser angles
+  int max_expansions = 40000;    // nodes opened for one peak: bounds the time on scans that fit nowhere
   double prior_weight = 0.05;    // score lost at the window's edge: breaks ties towards the prediction
   double peak_distance_m = 0.3;  // second peak: at least this far from the first ...
   double peak_distance_rad = 0.0524;
@@ -34,6 +35,7 @@ struct CorrelativeResult {
   double score = 0.0;          // mean K in [0, 1]
   double second_score = 0.0;   // of the best pose away from the best; 0 if below half of it
   Pose2 second_pose;
+  bool complete = true;        // false: the budget ended the search, a better pose may exist
 };
 
 class CorrelativeSearch {
@@ -59,7 +61,7 @@ class CorrelativeSearch {
   void rotate(int angle);
   [[nodiscard]] float score(const DistanceView& field, int u, int v, std::size_t level) const;
   [[nodiscard]] float penalty(int angle, int u, int v, int side) const;
-  void descend(const DistanceView& field, int u, int v, std::size_t level, int angle, Leaf& best, const Leaf* apart) const;
+  void descend(const DistanceView& field, int u, int v, std::size_t level, int angle, Leaf& best, const Leaf* apart);
   [[nodiscard]] bool near_peak(const Leaf& peak, int angle, int u, int v, int side) const;
   Leaf best_leaf(const DistanceView& field, float at_least, const Leaf* apart);
 
@@ -75,6 +77,7 @@ class CorrelativeSearch {
   int angles_ = 0;  // half count
   int half_u_ = 0;
   int half_v_ = 0;
+  int expansions_left_ = 0;
   int peak_cells_ = 0;
   int peak_angles_ = 0;
 };
