@@ -218,7 +218,14 @@ struct Mapper::Impl {
       match(p, found.pose);
       p.prior.pose = motion.pose;
     }
-    if (log_posterior(p, descended.pose, motion) >= log_posterior(p, p.match.pose, motion)) {
+    const auto fits = [&](const Pose2& pose) {
+      return acceptable(known_fit(points, field_of(p), front->map(), pose));
+    };
+    // A place that fits beats one that does not, however odd the motion: odometry slips. Of two that fit, the likelier.
+    const bool found_fits = fits(p.match.pose);
+    if (found_fits == fits(descended.pose)
+            ? log_posterior(p, descended.pose, motion) >= log_posterior(p, p.match.pose, motion)
+            : !found_fits) {
       p.match = descended;
       p.prior = motion;
     }
