@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <toml++/toml.h>
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
@@ -9,7 +10,6 @@
 #include <fstream>
 #include <functional>
 #include <sstream>
-#include <toml++/toml.h>
 #include <variant>
 #include <vector>
 
@@ -32,23 +32,28 @@ struct Key {
 std::vector<Key> keys_of(Configuration& c) {
   MapperOptions& m = c.mapper;
   std::vector<Key> keys;
-  const auto add = [&keys](std::string_view section, std::string_view name, std::string_view unit, double low, double high,
-                           auto* field, std::string_view meaning) {
+  const auto add = [&keys](std::string_view section, std::string_view name, std::string_view unit, double low,
+                           double high, auto* field, std::string_view meaning) {
     keys.push_back({section, name, unit, meaning, low, high, field, "", ""});
   };
   keys.push_back({"filter", "mode", "", "particle filter: adaptive, rbpf (fixed number) or fastslam (textbook)", 0, 0,
                   [&m](std::string_view value) {
-                    if (value == "adaptive") m.filter = FilterMode::kAdaptive;
-                    else if (value == "rbpf") m.filter = FilterMode::kRbpf;
-                    else if (value == "fastslam") m.filter = FilterMode::kFastSlam;
-                    else return false;
+                    if (value == "adaptive")
+                      m.filter = FilterMode::kAdaptive;
+                    else if (value == "rbpf")
+                      m.filter = FilterMode::kRbpf;
+                    else if (value == "fastslam")
+                      m.filter = FilterMode::kFastSlam;
+                    else
+                      return false;
                     return true;
                   },
                   "adaptive, rbpf, fastslam", "adaptive"});
   add("filter", "particles", "", 1, 500, &m.particles, "number of particles of rbpf and fastslam");
   add("filter", "max_adaptive_particles", "", 1, 500, &m.max_adaptive_particles, "most particles adaptive may spread");
   add("filter", "seed", "", 0, 9e15, &m.seed, "of all random numbers");
-  add("filter", "covariance_kappa", "", 1, 1000, &m.covariance_kappa, "neighbouring beams are correlated: information / kappa");
+  add("filter", "covariance_kappa", "", 1, 1000, &m.covariance_kappa,
+      "neighbouring beams are correlated: information / kappa");
   add("keyframe", "distance", "m", 0.01, 5, &m.keyframe_m, "a key-frame after this distance");
   add("keyframe", "turn", "rad", 0.005, 1, &m.keyframe_rad, "or this turn");
   add("keyframe", "wait", "s", 0.1, 60, &m.keyframe_s, "or this time with a little motion");
@@ -61,7 +66,8 @@ std::vector<Key> keys_of(Configuration& c) {
   add("map", "error_code_is_free", "", 0, 0, &m.points.error_code_is_free, "range code 1 means free up to the limit");
   add("budget", "map_blocks", "blocks", 50, 4000, &m.map.max_blocks, "blocks of 64 x 64 cells of one active sub-map");
   add("budget", "surface_faces", "", 1000, 65535, &m.map.max_faces, "surface statistics of one active sub-map");
-  add("budget", "distance_planes", "4 kB", 500, 65535, &m.distance_planes, "distance field blocks, all particles together");
+  add("budget", "distance_planes", "4 kB", 500, 65535, &m.distance_planes,
+      "distance field blocks, all particles together");
   add("budget", "submap_cache", "bytes", 1 << 20, 1e10, &c.submap_cache_bytes, "finished sub-maps kept in memory");
   add("budget", "graph", "bytes", 1 << 16, 1e10, &c.graph_bytes, "pose graph, landmarks and loops");
   add("budget", "map_raster", "bytes", 1 << 20, 1e10, &c.map_raster_bytes, "the whole map while it is saved");
@@ -135,7 +141,8 @@ Expected<Configuration> parse_configuration(std::string_view text, std::string_v
   }
   for (const auto& [section, node] : table) {
     const toml::table* entries = node.as_table();
-    if (entries == nullptr) return wrong(node.source(), fmt::format("key \"{}\" stands outside any section", section.str()));
+    if (entries == nullptr)
+      return wrong(node.source(), fmt::format("key \"{}\" stands outside any section", section.str()));
     if (std::none_of(keys.begin(), keys.end(), [&s = section](const Key& key) { return key.section == s.str(); })) {
       return wrong(node.source(), fmt::format("unknown section [{}]; known are {}", section.str(), sections_of(keys)));
     }
@@ -170,7 +177,8 @@ Expected<Configuration> load_configuration(const std::string& path) {
     return failure(StatusCode::kInvalidArgument, fmt::format("cannot read configuration {}: it is a folder", path));
   }
   std::ostringstream text;
-  if (file.peek() != std::ifstream::traits_type::eof()) text << file.rdbuf();  // which fails where nothing is to be read
+  if (file.peek() != std::ifstream::traits_type::eof())
+    text << file.rdbuf();  // which fails where nothing is to be read
   if (file.bad() || text.fail()) {
     return failure(StatusCode::kIo, fmt::format("cannot read configuration {}", path));
   }

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 #include "slam/filter/internal/odometry_gate.hpp"
 #include "slam/filter/resampling.hpp"
@@ -12,18 +13,18 @@
 namespace submapd {
 namespace {
 
-constexpr double kMinKnownRatio = 0.10;     // less of the scan on known ground: new territory, nothing to contradict
-constexpr std::size_t kMinPoints = 10;      // fewer: the sensor sees nothing, which is no new territory
-constexpr double kGoodMatch = 0.55;         // share of the points on known ground that must fit
-constexpr double kMinWindow_m = 0.3;        // correlative search: at least this far ...
-constexpr double kMinWindow_rad = 0.1745;   // ... and 10 deg
+constexpr double kMinKnownRatio = 0.10;    // less of the scan on known ground: new territory, nothing to contradict
+constexpr std::size_t kMinPoints = 10;     // fewer: the sensor sees nothing, which is no new territory
+constexpr double kGoodMatch = 0.55;        // share of the points on known ground that must fit
+constexpr double kMinWindow_m = 0.3;       // correlative search: at least this far ...
+constexpr double kMinWindow_rad = 0.1745;  // ... and 10 deg
 constexpr double kMaxWindow_m = 1.2;
-constexpr double kMaxWindow_rad = 1.2217;   // 70 deg
+constexpr double kMaxWindow_rad = 1.2217;  // 70 deg
 constexpr double kWindowSigmas = 2.5;
 constexpr double kSecondPlaceLoss = 3.0;    // log posterior: less likely by more than this is no hypothesis
 constexpr double kSearchedPrior_m = 0.5;    // after a search the prediction says little more
 constexpr double kSearchedPrior_rad = 0.5;
-constexpr double kLostBreak_s = 0.6;        // this long without a match: the map goes on in a new sub-map
+constexpr double kLostBreak_s = 0.6;  // this long without a match: the map goes on in a new sub-map
 constexpr int kLostBreakScans = 5;
 constexpr double kReunwarp_m_s = 0.05;
 constexpr double kReunwarp_rad_s = 0.0524;
@@ -202,8 +203,8 @@ struct Mapper::Impl {
     window.half_x_m = std::clamp(kWindowSigmas * sigma(0) * widen, kMinWindow_m, kMaxWindow_m * widen);
     window.half_y_m = window.half_x_m;
     window.half_yaw_rad = std::clamp(kWindowSigmas * sigma(2) * widen, kMinWindow_rad, kMaxWindow_rad * widen);
-    const CorrelativeResult found = search.search(points.thinned(), points.far_range_m(), field_of(p),
-                                                  options.map.cell_m, p.prior.pose, window);
+    const CorrelativeResult found =
+        search.search(points.thinned(), points.far_range_m(), field_of(p), options.map.cell_m, p.prior.pose, window);
     ++counters.searches;
     const MatchResult descended = p.match;
     const MotionPrior motion = p.prior;
@@ -233,19 +234,21 @@ struct Mapper::Impl {
   }
 
   // The improved proposal of one particle: Gaussian about the match (design notes 6.1 b).
-  void apply_match(Particle& p, std::uint64_t scan_index, std::uint64_t index) {
+  void apply_match(Particle& p, double step_s, std::uint64_t scan_index, std::uint64_t index) {
     p.covariance = covariance_of(p.match.information, options.covariance_kappa, p.prior.information);
     const Pose2 mode = p.match.pose;
+    const Pose2 last_mode = std::exchange(p.mode, mode);
     if (single()) {
       p.pose = mode;
       return;
     }
-    const Eigen::Vector3d off(mode.x - p.prior.pose.x, mode.y - p.prior.pose.y, wrap_angle(mode.yaw - p.prior.pose.yaw));
+    const Eigen::Vector3d off(mode.x - p.prior.pose.x, mode.y - p.prior.pose.y,
+                              wrap_angle(mode.yaw - p.prior.pose.yaw));
     const double log_prior =
         -0.5 * off.dot(p.prior.information * off) + 0.5 * std::log(std::max(p.prior.information.determinant(), 1e-30));
-    const double log_likelihood =
-        likelihood.log_likelihood(points.thinned(), field_of(p), options.map.cell_m, mode);
+    const double log_likelihood = likelihood.log_likelihood(points.thinned(), field_of(p), options.map.cell_m, mode);
     p.log_weight += log_likelihood + log_prior + 0.5 * std::log(std::max(p.covariance.determinant(), 1e-30));
+    p.twist = learn_twist(p.twist, between(last_mode, mode), step_s, options.motion);
     if (options.filter == FilterMode::kAdaptive) {
       p.pose = mode;  // its particles are few and stand for places, not for the noise about one place
       return;
@@ -345,6 +348,7 @@ struct Mapper::Impl {
         p.pose.x += along.x();
         p.pose.y += along.y();
       }
+      p.mode = p.pose;
     }
     normalise();
   }
@@ -367,7 +371,8 @@ struct Mapper::Impl {
     const double distance = std::hypot(step.x, step.y);
     if (distance > options.keyframe_m || std::abs(step.yaw) > options.keyframe_rad) return true;
     const double waited_s = static_cast<double>(scan.stamp_us - last_keyframe_stamp_us) * 1e-6;
-    return waited_s > options.keyframe_s && (distance > 0.1 * options.keyframe_m || std::abs(step.yaw) > 0.2 * options.keyframe_rad);
+    return waited_s > options.keyframe_s &&
+           (distance > 0.1 * options.keyframe_m || std::abs(step.yaw) > 0.2 * options.keyframe_rad);
   }
 
   void hand_over_if_full() {
@@ -390,9 +395,9 @@ struct Mapper::Impl {
   WorkerPool& pool;
   DistanceLayers layers;
   std::array<std::unique_ptr<ActiveSubmap>, 3> submaps;
-  ActiveSubmap* front = nullptr;   // matched against
-  ActiveSubmap* back = nullptr;    // younger, takes over
-  ActiveSubmap* spare = nullptr;   // free, or finished and not yet taken
+  ActiveSubmap* front = nullptr;  // matched against
+  ActiveSubmap* back = nullptr;   // younger, takes over
+  ActiveSubmap* spare = nullptr;  // free, or finished and not yet taken
   ActiveSubmap* finished = nullptr;
   FinishReason finish_reason = FinishReason::kPath;
   bool front_open = false;
@@ -495,7 +500,7 @@ ScanReport Mapper::process(const Scan& scan) {
         if (&p == &particles.front() || own.matched_ratio > fit.matched_ratio) fit = own;
       }
       m.pool.run(static_cast<int>(particles.size()), [&](int i) {
-        m.apply_match(particles[static_cast<std::size_t>(i)], scan.index, static_cast<std::uint64_t>(i));
+        m.apply_match(particles[static_cast<std::size_t>(i)], step_s, scan.index, static_cast<std::uint64_t>(i));
       });
       m.normalise();
     }
@@ -505,7 +510,7 @@ ScanReport Mapper::process(const Scan& scan) {
     for (Particle& p : m.set.particles()) {
       if (o.filter != FilterMode::kFastSlam && m.single()) p.twist = learn_twist(p.twist, delta, step_s, o.motion);
     }
-    if (!m.single() || o.filter == FilterMode::kFastSlam) {
+    if (o.filter == FilterMode::kFastSlam) {
       const Twist2 common = learn_twist(before_twist, delta, step_s, o.motion);
       for (Particle& p : m.set.particles()) p.twist = common;
     }
@@ -516,14 +521,15 @@ ScanReport Mapper::process(const Scan& scan) {
       Particle& p = m.set.particles()[0];
       m.points.assign(scan, now);
       m.match(p, p.pose);
-      m.apply_match(p, scan.index, 0);
+      m.apply_match(p, step_s, scan.index, 0);
       p.twist = learn_twist(before_twist, between(before, p.pose), step_s, o.motion);
       now = p.twist;
     }
     m.unwarp_twist = now;
 
     if (std::hypot(delta.x, delta.y) > 0.01 || std::abs(delta.yaw) > 0.0087) m.moved_since_resampling = true;
-    if (m.odometry_delta && o.odometry == OdometryUse::kAuto && m.acceptable(fit)) m.gate.judge(*m.odometry_delta, delta);
+    if (m.odometry_delta && o.odometry == OdometryUse::kAuto && m.acceptable(fit))
+      m.gate.judge(*m.odometry_delta, delta);
     m.last_covariance = m.posterior_covariance();
     if (m.degeneracy.active()) {
       const Eigen::Vector2d a = m.degeneracy.axis();
@@ -589,7 +595,9 @@ void Mapper::finish_run() {
   m.close_front(FinishReason::kEndOfRun);
 }
 
-bool Mapper::has_finished() const { return impl_->finished != nullptr; }
+bool Mapper::has_finished() const {
+  return impl_->finished != nullptr;
+}
 
 std::optional<FinishedSubmap> Mapper::take_finished() {
   Impl& m = *impl_;
@@ -618,7 +626,8 @@ std::vector<ByteBudget> Mapper::budgets() const {
   }
   active.peak = active.used;
   out.push_back(active);
-  out.push_back({"distance_layers", impl_->layers.bytes_used(), impl_->layers.bytes_peak(), impl_->layers.bytes_limit()});
+  out.push_back(
+      {"distance_layers", impl_->layers.bytes_used(), impl_->layers.bytes_peak(), impl_->layers.bytes_limit()});
   out.push_back({"particles", impl_->set.bytes_used(), impl_->set.bytes_used(), impl_->set.bytes_limit()});
   return out;
 }

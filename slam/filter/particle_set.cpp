@@ -38,6 +38,7 @@ void ParticleSet::reset(const Pose2& pose, const Twist2& twist) {
   particles_.resize(1);
   particles_[0] = Particle{};
   particles_[0].pose = pose;
+  particles_[0].mode = pose;
   particles_[0].twist = twist;
   particles_[0].node = tree_.root();
 }
@@ -149,7 +150,8 @@ bool ParticleSet::stamp(int layer, const Pose2& pose, const KeyframeScan& scan) 
 }
 
 void ParticleSet::insert_keyframe(const Scan& scan, const Twist2& twist, std::span<const BeamEnd> beams,
-                                  const Eigen::Vector2f& origin, const Eigen::Matrix3d& step_covariance, bool degenerate) {
+                                  const Eigen::Vector2f& origin, const Eigen::Matrix3d& step_covariance,
+                                  bool degenerate) {
   const int slot = take_scan_slot();
   KeyframeScan& kept = scans_[static_cast<std::size_t>(slot)];
   kept.scan.stamp_us = scan.stamp_us;
@@ -176,19 +178,22 @@ void ParticleSet::insert_keyframe(const Scan& scan, const Twist2& twist, std::sp
 
 void ParticleSet::change_frame(const Pose2& change) {
   tree_.change_frame(change);
-  for (Particle& p : particles_) p.pose = compose(change, p.pose);
+  for (Particle& p : particles_) {
+    p.pose = compose(change, p.pose);
+    p.mode = compose(change, p.mode);
+  }
 }
 
 std::size_t ParticleSet::bytes_used() const {
-  const std::size_t per_scan = sizeof(KeyframeScan) + static_cast<std::size_t>(options_.max_beams) *
-                                                          (sizeof(BeamEnd) + sizeof(std::uint16_t));
+  const std::size_t per_scan =
+      sizeof(KeyframeScan) + static_cast<std::size_t>(options_.max_beams) * (sizeof(BeamEnd) + sizeof(std::uint16_t));
   return static_cast<std::size_t>(tree_.live_nodes()) * sizeof(AncestryTree::Node) +
          (scans_.size() - free_scans_.size()) * per_scan + particles_.size() * sizeof(Particle);
 }
 
 std::size_t ParticleSet::bytes_limit() const {
-  const std::size_t per_scan = sizeof(KeyframeScan) + static_cast<std::size_t>(options_.max_beams) *
-                                                          (sizeof(BeamEnd) + sizeof(std::uint16_t));
+  const std::size_t per_scan =
+      sizeof(KeyframeScan) + static_cast<std::size_t>(options_.max_beams) * (sizeof(BeamEnd) + sizeof(std::uint16_t));
   return static_cast<std::size_t>(options_.max_nodes) * sizeof(AncestryTree::Node) + scans_.size() * per_scan +
          2 * static_cast<std::size_t>(options_.max_particles) * sizeof(Particle);
 }

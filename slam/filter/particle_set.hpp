@@ -1,9 +1,9 @@
 // The particles of the sub-map being built, their shared past and their own distance layers (design notes 4.5, 6).
 //
-// A particle is a pose, a weight and a head in the ancestry tree. With one particle its map is the base map itself; with
-// more, each has a copy-on-write layer of the distance field that also holds its own key-frames, and what all of them agree
-// on moves into the base through `Baker`. Every store is a fixed pool: when one runs out, coalesce() keeps the heaviest
-// lineage, so that the bound is exact; the event is counted.
+// A particle is a pose, a weight and a head in the ancestry tree. With one particle its map is the base map itself;
+// with more, each has a copy-on-write layer of the distance field that also holds its own key-frames, and what all of
+// them agree on moves into the base through `Baker`. Every store is a fixed pool: when one runs out, coalesce() keeps
+// the heaviest lineage, so that the bound is exact; the event is counted.
 #pragma once
 
 #include <functional>
@@ -12,19 +12,20 @@
 
 #include "slam/filter/ancestry_tree.hpp"
 #include "slam/grid/distance_layers.hpp"
+#include "slam/grid/free_space.hpp"
 #include "slam/matching/match_types.hpp"
 #include "slam/scan/scan.hpp"
-#include "slam/grid/free_space.hpp"
 
 namespace submapd {
 
 struct Particle {
-  Pose2 pose;                // sub-map frame
-  Twist2 twist;              // from its own last two poses
+  Pose2 pose;    // sub-map frame
+  Pose2 mode;    // where the last match put it, before its pose was drawn
+  Twist2 twist;  // from its own last two modes: drawn poses differ by noise, which is no motion
   double log_weight = 0.0;
-  int layer = -1;            // own distance layer; -1: the base map's
-  int node = 0;              // newest key-frame of its lineage
-  MotionPrior prior;         // of the scan being processed
+  int layer = -1;     // own distance layer; -1: the base map's
+  int node = 0;       // newest key-frame of its lineage
+  MotionPrior prior;  // of the scan being processed
   MatchResult match;
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  // of the pose, map frame
 };
@@ -37,7 +38,7 @@ struct KeyframeScan {
   Eigen::Vector2f origin = Eigen::Vector2f::Zero();
   Eigen::Matrix3d step_covariance = Eigen::Matrix3d::Zero();
   bool degenerate = false;
-  int references = 0;          // nodes that hold it
+  int references = 0;  // nodes that hold it
 };
 
 struct ParticleSetOptions {
@@ -63,18 +64,18 @@ class ParticleSet {
   [[nodiscard]] const Particle& best() const;
   [[nodiscard]] const AncestryTree& tree() const { return tree_; }
 
-  // Copies the only particle to n, each with its own layer over base_layer, or fewer where layers run out. A particle that
-  // stays alone keeps the base map. REQUIRES: size() == 1.
+  // Copies the only particle to n, each with its own layer over base_layer, or fewer where layers run out. A particle
+  // that stays alone keeps the base map. REQUIRES: size() == 1.
   void spread(int n, int base_layer);
   // Replaces the particles by copies of the ancestors (ascending or not) with equal weights.
   void resample(std::span<const int> ancestors);
   // Keeps the heaviest particle only and bakes its lineage.
   void coalesce();
 
-  // Adds the key-frame of the current scan at every particle's pose, then bakes what all agree on. Coalesces first when a
-  // pool is full. The lock on `scan`'s data ends with the call.
-  void insert_keyframe(const Scan& scan, const Twist2& twist, std::span<const BeamEnd> beams, const Eigen::Vector2f& origin,
-                       const Eigen::Matrix3d& step_covariance, bool degenerate);
+  // Adds the key-frame of the current scan at every particle's pose, then bakes what all agree on. Coalesces first when
+  // a pool is full. The lock on `scan`'s data ends with the call.
+  void insert_keyframe(const Scan& scan, const Twist2& twist, std::span<const BeamEnd> beams,
+                       const Eigen::Vector2f& origin, const Eigen::Matrix3d& step_covariance, bool degenerate);
 
   // pose <- compose(change, pose) for all poses. REQUIRES: size() == 1 and everything baked.
   void change_frame(const Pose2& change);

@@ -1,8 +1,8 @@
 // Error of a trajectory against reference relations (Kuemmerle et al., "On measuring the accuracy of SLAM algorithms",
 // Autonomous Robots 27(4), 2009): e = inverse(delta_ref) * delta_est for the motion between two stamps.
 //
-// A pose within 5 ms of a stamp is taken as it is; else poses at most 2 s apart are interpolated, position linearly and yaw
-// the short way.
+// A pose within 5 ms of a stamp is taken as it is; else poses at most 2 s apart are interpolated, position linearly and
+// yaw the short way.
 #pragma once
 
 #include <algorithm>
@@ -56,7 +56,8 @@ class TimedPoses {
     const auto after = std::lower_bound(poses_.begin(), poses_.end(), time_s,
                                         [](const StampedPose& p, double t) { return seconds(p) < t; });
     auto near = after == poses_.end() ? after - 1 : after;
-    if (after != poses_.begin() && after != poses_.end() && time_s - seconds(*(after - 1)) <= seconds(*after) - time_s) {
+    if (after != poses_.begin() && after != poses_.end() &&
+        time_s - seconds(*(after - 1)) <= seconds(*after) - time_s) {
       near = after - 1;
     }
     if (std::abs(seconds(*near) - time_s) <= kTolerance_s) return near->pose;

@@ -33,7 +33,8 @@ TEST(RelationsErrorTest, KnownErrors) {
 
 class ReplayDataTest : public DataTest {
  protected:
-  RelationsError score(const std::filesystem::path& log, const std::filesystem::path& relations_file, std::size_t relations) {
+  RelationsError score(const std::filesystem::path& log, const std::filesystem::path& relations_file,
+                       std::size_t relations) {
     const TemporaryFolder out;
     tools::ReplayOptions options;
     options.log = log.string();

@@ -42,7 +42,8 @@ std::vector<DescribedKey> described_keys() {
       const std::size_t equals = line.find(" = ");
       EXPECT_NE(equals, std::string::npos) << line;
       EXPECT_FALSE(comment.empty()) << line << " has no comment";
-      keys.push_back({section, line.substr(0, equals), comment.substr(comment.rfind(": ") + 2), line.substr(equals + 3)});
+      keys.push_back(
+          {section, line.substr(0, equals), comment.substr(comment.rfind(": ") + 2), line.substr(equals + 3)});
       comment.clear();
     }
   }
@@ -71,7 +72,9 @@ bool range_of(const DescribedKey& key, Range& range) {
   return word == "number" && words >> from >> range.low >> to >> range.high && from == "from" && to == "to";
 }
 
-std::string number(double value, bool whole) { return whole ? fmt::format("{:.0f}", value) : fmt::format("{:#.17g}", value); }
+std::string number(double value, bool whole) {
+  return whole ? fmt::format("{:.0f}", value) : fmt::format("{:#.17g}", value);
+}
 
 std::string error_of(const std::string& text) {
   const Expected<Configuration> parsed = parse_configuration(text, "cart.toml");
@@ -237,7 +240,8 @@ TEST(ConfigurationTest, UnknownNamesAreToldWithTheKnownOnes) {
   EXPECT_EQ(error_of("[keyframe]\n\ndistanse = 1\n"),
             "cart.toml:3: unknown key \"distanse\" in [keyframe]; known are distance, turn, wait");
   EXPECT_THAT(error_of("\n[keyfram]\ndistance = 1\n"), HasSubstr("unknown section [keyfram]"));
-  EXPECT_THAT(error_of("\n[keyfram]\ndistance = 1\n"), HasSubstr("known are filter, keyframe, submap, map, budget, experiment"));
+  EXPECT_THAT(error_of("\n[keyfram]\ndistance = 1\n"),
+              HasSubstr("known are filter, keyframe, submap, map, budget, experiment"));
   EXPECT_THAT(error_of("[nothing]\n"), HasSubstr("cart.toml:1: unknown section [nothing]")) << "an empty one too";
   EXPECT_THAT(error_of("particles = 3\n"), HasSubstr("cart.toml:1: key \"particles\" stands outside any section"));
 }
@@ -287,7 +291,8 @@ TEST(ConfigurationTest, ThePageShowsTheKeysAsTheyAre) {
   const std::size_t begin = start + fence.size();
   const std::size_t end = page.find("```", begin);
   ASSERT_NE(end, std::string::npos);
-  EXPECT_EQ(page.substr(begin, end - begin), describe_configuration()) << "put what describe_configuration() says into the page";
+  EXPECT_EQ(page.substr(begin, end - begin), describe_configuration())
+      << "put what describe_configuration() says into the page";
 }
 
 // What the ranges allow, the mapper can work with.

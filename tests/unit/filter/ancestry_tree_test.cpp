@@ -20,7 +20,7 @@ struct Model {
   AncestryTree tree{kMaxNodes};
   std::vector<History> histories;
   std::vector<int> heads;
-  std::vector<double> label_x;   // pose of each label
+  std::vector<double> label_x;  // pose of each label
   int root_label = -1;
   std::vector<int> baked;
   std::multiset<int> freed;
@@ -116,7 +116,8 @@ RC_GTEST_PROP(AncestryTreeTest, AgreesWithWholeHistories, ()) {
     if (step <= 1) {
       model.extend();
     } else if (step == 2) {
-      model.resample(*rc::gen::container<std::vector<int>>(static_cast<std::size_t>(particles), rc::gen::inRange(0, particles)));
+      model.resample(
+          *rc::gen::container<std::vector<int>>(static_cast<std::size_t>(particles), rc::gen::inRange(0, particles)));
     } else {
       model.bake();
     }

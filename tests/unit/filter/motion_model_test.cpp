@@ -141,7 +141,8 @@ TEST(OdometryGateTest, GoodOdometryIsKept) {
   Drive drive;
   drive.go(2000, [](const Pose2& truth, int k) {
     CounterRandom random(3, static_cast<std::uint64_t>(k), 0);
-    return Pose2{truth.x * 1.03 + 0.01 * random.gaussian(), 0.01 * random.gaussian(), truth.yaw + 0.01 * random.gaussian()};
+    return Pose2{truth.x * 1.03 + 0.01 * random.gaussian(), 0.01 * random.gaussian(),
+                 truth.yaw + 0.01 * random.gaussian()};
   });
   EXPECT_FALSE(drive.gate.rejected());
   EXPECT_EQ(drive.used, 1999);

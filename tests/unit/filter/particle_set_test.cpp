@@ -1,4 +1,5 @@
-// Particles in their fixed pools: what runs out is counted, what is released comes back, what is baked is the survivor's.
+// Particles in their fixed pools: what runs out is counted, what is released comes back, what is baked is the
+// survivor's.
 #include "slam/filter/particle_set.hpp"
 
 #include <gtest/gtest.h>
@@ -28,9 +29,12 @@ struct Rig {
   std::uint64_t next_scan = 0;
 
   Rig(const ParticleSetOptions& options, int planes)
-      : layers(planes, options.max_particles + 2), base(layers.create()), set(options, layers, kCell_m, [this](const Pose2& pose, const KeyframeScan& scan) {
+      : layers(planes, options.max_particles + 2),
+        base(layers.create()),
+        set(options, layers, kCell_m, [this](const Pose2& pose, const KeyframeScan& scan) {
           baked.push_back({pose, scan.scan.index});
-          EXPECT_EQ(scan.scan.ranges_mm, std::vector<std::uint16_t>(3, static_cast<std::uint16_t>(scan.scan.index + 10)))
+          EXPECT_EQ(scan.scan.ranges_mm,
+                    std::vector<std::uint16_t>(3, static_cast<std::uint16_t>(scan.scan.index + 10)))
               << "another scan than was put in";
         }) {}
 

@@ -16,7 +16,9 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
-double sum_of(const std::vector<double>& weights) { return std::accumulate(weights.begin(), weights.end(), 0.0); }
+double sum_of(const std::vector<double>& weights) {
+  return std::accumulate(weights.begin(), weights.end(), 0.0);
+}
 
 std::vector<double> normalised(const std::vector<double>& log_weights, double* n_eff = nullptr) {
   std::vector<double> weights(log_weights.size());
@@ -119,14 +121,19 @@ void expect_fair(void (*resample)(std::span<const double>, CounterRandom&, std::
     for (std::size_t i = 0; i < weights.size(); ++i) mean[i] += counts[i] / static_cast<double>(kDraws);
   }
   for (std::size_t i = 0; i < weights.size(); ++i) {
-    // One turn of the wheel is not independent of the next: all five may fall together, which multiplies sigma by sqrt 5.
+    // One turn of the wheel is not independent of the next: all five may fall together, which multiplies sigma by
+    // sqrt 5.
     const double sigma = 5.0 * std::sqrt(weights[i] * (1.0 - weights[i]) / kDraws);
     EXPECT_NEAR(mean[i], 5.0 * weights[i], 4.0 * sigma) << "particle " << i;
   }
 }
 
-TEST(ResampleSystematicTest, ExpectationIsTheWeight) { expect_fair(resample_systematic); }
-TEST(ResampleWheelTest, ExpectationIsTheWeight) { expect_fair(resample_wheel); }
+TEST(ResampleSystematicTest, ExpectationIsTheWeight) {
+  expect_fair(resample_systematic);
+}
+TEST(ResampleWheelTest, ExpectationIsTheWeight) {
+  expect_fair(resample_wheel);
+}
 
 RC_GTEST_PROP(ResampleWheelTest, DrawsOnlyWhatHasWeight, ()) {
   const std::vector<double> weights = any_weights();

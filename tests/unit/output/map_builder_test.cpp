@@ -21,7 +21,8 @@ Keyframe room(double half_x, double half_y) {
   k.geometry.angle_step_rad = 2.0 * std::numbers::pi / kBeams;
   for (int i = 0; i < kBeams; ++i) {
     const double a = k.geometry.first_angle_rad + i * k.geometry.angle_step_rad;
-    const double range = std::min(half_x / std::max(std::abs(std::cos(a)), 1e-9), half_y / std::max(std::abs(std::sin(a)), 1e-9));
+    const double range =
+        std::min(half_x / std::max(std::abs(std::cos(a)), 1e-9), half_y / std::max(std::abs(std::sin(a)), 1e-9));
     k.ranges_mm.push_back(static_cast<std::uint16_t>(std::lround(1000.0 * range)));
   }
   return k;
@@ -54,8 +55,10 @@ void expect_room(const MapImage& map, const Pose2& pose, double half_x, double h
   for (const double side : {-1.0, 1.0}) {
     for (const double share : {-0.33, 0.0, 0.33}) {
       const auto at = [&](double x, double y) { return cell_at_point(map, transform(pose, {x, y})); };
-      EXPECT_EQ(at(side * half_x, share * half_y), Cell::kOccupied) << "wall across x, side " << side << " share " << share;
-      EXPECT_EQ(at(share * half_x, side * half_y), Cell::kOccupied) << "wall across y, side " << side << " share " << share;
+      EXPECT_EQ(at(side * half_x, share * half_y), Cell::kOccupied)
+          << "wall across x, side " << side << " share " << share;
+      EXPECT_EQ(at(share * half_x, side * half_y), Cell::kOccupied)
+          << "wall across y, side " << side << " share " << share;
       EXPECT_EQ(at(side * (half_x - 0.3), share * half_y), Cell::kFree);
       EXPECT_EQ(at(side * (half_x + 0.3), share * half_y), Cell::kUnknown);
       EXPECT_EQ(at(share * half_x, side * (half_y + 0.3)), Cell::kUnknown);
@@ -164,7 +167,8 @@ TEST(MapBuilderTest, NothingInsertedIsASmallUnknownMap) {
   builder.begin();
   const MapImage map = builder.image();
   EXPECT_TRUE(check_map_image(map).ok());
-  EXPECT_EQ(std::count(map.cells.begin(), map.cells.end(), std::uint8_t{0}), static_cast<std::ptrdiff_t>(map.cells.size()));
+  EXPECT_EQ(std::count(map.cells.begin(), map.cells.end(), std::uint8_t{0}),
+            static_cast<std::ptrdiff_t>(map.cells.size()));
 }
 
 TEST(MapBuilderTest, AScanThatSawNothingAddsNothing) {
@@ -172,7 +176,8 @@ TEST(MapBuilderTest, AScanThatSawNothingAddsNothing) {
   std::fill(k.ranges_mm.begin(), k.ranges_mm.end(), kNoReturn_mm);
   const MapImage map = build(k, {5.0, 5.0, 1.0});
   EXPECT_TRUE(check_map_image(map).ok());
-  EXPECT_EQ(std::count(map.cells.begin(), map.cells.end(), std::uint8_t{0}), static_cast<std::ptrdiff_t>(map.cells.size()));
+  EXPECT_EQ(std::count(map.cells.begin(), map.cells.end(), std::uint8_t{0}),
+            static_cast<std::ptrdiff_t>(map.cells.size()));
   EXPECT_EQ(cell_at_point(map, {5.0, 5.0}), Cell::kUnknown) << "but it holds the cart's place";
 }
 
