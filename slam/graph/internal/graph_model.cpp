@@ -8,8 +8,8 @@ namespace {
 // What a sub-map bends inside although it is used as rigid: the rule that cuts sub-maps allows 2 cm (notes 7).
 const Eigen::Matrix3d kModelError = pose_covariance(0.02, 0.1 * kDegree);
 
-constexpr double kEdgeFloorM = 0.005;
-constexpr double kEdgeFloorRad = 0.05 * kDegree;
+constexpr double kEdgeFloorM = 0.01;
+constexpr double kEdgeFloorRad = 0.2 * kDegree;
 
 // Indices of the key-frames both hold, ascending.
 std::vector<std::pair<std::size_t, std::size_t>> shared_keyframes(const SubmapRecord& a, const SubmapRecord& b) {
