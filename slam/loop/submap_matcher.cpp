@@ -225,8 +225,19 @@ SubmapMatch SubmapMatcher::search(const FinishedSubmap& a, const FinishedSubmap&
   const internal::ExclusionZone zone{found->a_from_b, kDistinct_m, kDistinct_rad};
   const auto second =
       placements.best(static_cast<std::int32_t>(std::ceil(options_.max_second_peak * found->score)) + 1, &zone);
-  if (second) {
-    match.second_peak = static_cast<double>(second->score) / static_cast<double>(found->score);
+  if (!second) {
+    return match;
+  }
+  match.second_peak = static_cast<double>(second->score) / static_cast<double>(found->score);
+  if (!second->exhausted) {
+    // The search's cells are coarse: what counts is how well the rival fits once it is aligned, if it stays a rival.
+    SubmapMatch rival = named(a, b, second->a_from_b);
+    judge_placement(*view_a, *view_b, second->a_from_b, prior, options_, rival);
+    const Pose2 apart = between(match.a_from_b, rival.a_from_b);
+    const bool distinct = apart.translation().norm() > kDistinct_m || std::abs(apart.yaw) > kDistinct_rad;
+    match.second_peak = distinct ? rival.score / match.score : 0.0;
+  }
+  if (match.second_peak > options_.max_second_peak) {
     match.verdict = MatchVerdict::kAmbiguous;
   }
   return match;

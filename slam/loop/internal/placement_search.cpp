@@ -126,7 +126,7 @@ std::optional<Placement> PlacementSearch::best(std::int32_t threshold, const Exc
       break;
     }
     if (best.budget == 0 && zone != nullptr && !best.found) {
-      return Placement{pose_of(root), root.bound};
+      return Placement{pose_of(root), root.bound, true};
     }
     descend(root, grid_.levels() - 1, best);
   }

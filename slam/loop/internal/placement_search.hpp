@@ -25,6 +25,7 @@ struct SearchWindow {
 struct Placement {
   Pose2 a_from_b;
   std::int32_t score = 0;  // sum of 0..255 over the points
+  bool exhausted = false;  // the budget ended the search: score bounds what it may have missed
 };
 
 // Placements around a found one that are not distinct from it.
