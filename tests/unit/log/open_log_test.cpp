@@ -8,6 +8,7 @@
 #include <fstream>
 
 #include "slam/base/random.hpp"
+#include "tests/support/temporary_folder.hpp"
 #include "tests/unit/log/log_bytes.hpp"
 #include "tools/log/carmen_reader.hpp"
 
@@ -39,20 +40,14 @@ std::string long_log() {
 
 class OpenLogTest : public ::testing::Test {
  protected:
-  void SetUp() override {
-    std::string pattern = (std::filesystem::temp_directory_path() / "submapd_log_XXXXXX").string();
-    ASSERT_NE(::mkdtemp(pattern.data()), nullptr);
-    folder_ = pattern;
-  }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
-
   std::string write(const std::string& name, const std::string& bytes) const {
     const auto path = folder_ / name;
     std::ofstream(path, std::ios::binary) << bytes;
     return path.string();
   }
 
-  std::filesystem::path folder_;
+  const TemporaryFolder temporary_;
+  const std::filesystem::path folder_ = temporary_.path();
 };
 
 TEST_F(OpenLogTest, KindIsToldByContentAndNotByName) {
