@@ -169,6 +169,7 @@ void ParticleSet::insert_keyframe(const Scan& scan, const Twist2& twist, std::sp
     p.node = tree_.extend(p.node, p.pose, slot);
     if (p.layer >= 0) complete = stamp(p.layer, p.pose, kept) && complete;
   }
+  peak_bytes_ = std::max(peak_bytes_, bytes_used());
   bake_agreed();
   if (!complete) {
     ++forced_;

@@ -44,7 +44,7 @@ struct KeyframeScan {
 struct ParticleSetOptions {
   int max_particles = 32;
   int max_nodes = 4096;
-  int max_scans = 160;  // key-frames not yet in the base
+  int max_scans = 64;  // key-frames not yet in the base
   int max_beams = 2048;
 };
 
@@ -80,8 +80,11 @@ class ParticleSet {
   // pose <- compose(change, pose) for all poses. REQUIRES: size() == 1 and everything baked.
   void change_frame(const Pose2& change);
 
+  // Key-frames that lineages still differ about.
+  [[nodiscard]] int pending_keyframes() const { return static_cast<int>(scans_.size() - free_scans_.size()); }
   [[nodiscard]] std::uint64_t forced_coalescences() const { return forced_; }
   [[nodiscard]] std::size_t bytes_used() const;
+  [[nodiscard]] std::size_t bytes_peak() const { return peak_bytes_; }
   [[nodiscard]] std::size_t bytes_limit() const;
 
  private:
@@ -101,6 +104,7 @@ class ParticleSet {
   std::vector<KeyframeScan> scans_;
   std::vector<int> free_scans_;
   std::uint64_t forced_ = 0;
+  std::size_t peak_bytes_ = 0;
 };
 
 }  // namespace submapd

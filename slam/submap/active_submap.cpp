@@ -4,10 +4,18 @@
 #include <cmath>
 
 namespace submapd {
+namespace {
+
+constexpr double kOverfull = 1.25;  // a sub-map whose particles disagree may grow this far beyond its limits
+
+}  // namespace
 
 ActiveSubmap::ActiveSubmap(const IndexMapOptions& options, const SubmapLimits& limits, DistanceLayers& layers,
                            int max_beams)
-    : limits_(limits), map_(options, layers), keyframes_(static_cast<std::size_t>(limits.keyframes) + 64) {
+    : limits_(limits),
+      map_(options, layers),
+      keyframes_(static_cast<std::size_t>(kOverfull * limits.keyframes) + 1 +
+                 static_cast<std::size_t>(limits.pending_keyframes)) {
   for (Keyframe& k : keyframes_) k.ranges_mm.reserve(static_cast<std::size_t>(max_beams));
   placed_.reserve(static_cast<std::size_t>(max_beams));
 }
@@ -24,9 +32,8 @@ void ActiveSubmap::open(std::uint32_t index, const Pose2& odom_from_submap, bool
   high_.setZero();
 }
 
-bool ActiveSubmap::insert(const Pose2& pose, const Scan& scan, const Twist2& twist, const Eigen::Matrix3d& step_covariance,
+void ActiveSubmap::insert(const Pose2& pose, const Scan& scan, const Twist2& twist, const Eigen::Matrix3d& step_covariance,
                           bool degenerate, std::span<const BeamEnd> beams, const Eigen::Vector2f& origin) {
-  if (used_keyframes_ == keyframes_.size()) return false;
   if (used_keyframes_ > 0) {
     const Pose2 step = between(last_keyframe().pose, pose);
     path_m_ += std::hypot(step.x, step.y);
@@ -54,7 +61,6 @@ bool ActiveSubmap::insert(const Pose2& pose, const Scan& scan, const Twist2& twi
     placed_.push_back({x + c * b.x - s * b.y, y + s * b.x + c * b.y, b.range_m, b.hit});
   }
   map_.insert({x + c * origin.x() - s * origin.y(), y + s * origin.x() + c * origin.y()}, placed_);
-  return true;
 }
 
 double ActiveSubmap::fullness(FinishReason* reason) const {

@@ -18,6 +18,7 @@ struct SubmapLimits {
   double heading_rad = 9.4248;  // 540 deg of turning
   double extent_m = 50.0;
   int keyframes = 150;
+  int pending_keyframes = 64;  // of particles that do not agree yet: may all come at once, on top of a full sub-map
   int blocks = 350;             // of the pool's 400
 };
 
@@ -28,9 +29,8 @@ class ActiveSubmap {
   // Starts anew at a pose in the odom frame.
   void open(std::uint32_t index, const Pose2& odom_from_submap, bool linked_to_previous);
 
-  // Inserts a key-frame. `beams` and `origin` are in the base frame; `pose` in this sub-map's frame. False when the key-frame
-  // store is full.
-  bool insert(const Pose2& pose, const Scan& scan, const Twist2& twist, const Eigen::Matrix3d& step_covariance,
+  // Inserts a key-frame. `beams` and `origin` are in the base frame; `pose` in this sub-map's frame. REQUIRES: room() > 0.
+  void insert(const Pose2& pose, const Scan& scan, const Twist2& twist, const Eigen::Matrix3d& step_covariance,
               bool degenerate, std::span<const BeamEnd> beams, const Eigen::Vector2f& origin);
 
   // 0 empty .. 1 full, by the limit that is nearest; `reason` tells which.
@@ -42,6 +42,7 @@ class ActiveSubmap {
   [[nodiscard]] std::uint32_t index() const { return index_; }
   [[nodiscard]] const Pose2& odom_from_submap() const { return odom_from_submap_; }
   [[nodiscard]] int keyframes() const { return static_cast<int>(used_keyframes_); }
+  [[nodiscard]] int room() const { return static_cast<int>(keyframes_.size() - used_keyframes_); }
   [[nodiscard]] const Keyframe& last_keyframe() const { return keyframes_[used_keyframes_ - 1]; }
   [[nodiscard]] std::size_t keyframe_bytes() const;
 

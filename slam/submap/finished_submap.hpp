@@ -22,12 +22,10 @@ enum class FinishReason : std::uint8_t {
   kKeyframes = 2,
   kBlocks = 3,
   kHeading = 4,
-  kDrift = 5,
-  kDegenerate = 6,  // entering or leaving a span where a direction is not observable
-  kDivergence = 7,
-  kGap = 8,
-  kEndOfRun = 9,
-  kCommand = 10,
+  kDegenerate = 5,  // entering or leaving a span where a direction is not observable
+  kDivergence = 6,
+  kEndOfRun = 7,
+  kCommand = 8,     // the operator asked for a new run
 };
 
 // A track point x_i: a scan that was inserted into the map, with what is needed to use it again.
@@ -41,13 +39,6 @@ struct Keyframe {
   bool degenerate = false;          // a direction was not observable since the previous key-frame
   ScanGeometry geometry;
   std::vector<std::uint16_t> ranges_mm;
-};
-
-// Pose of every scan that was tracked in this sub-map, key-frames included, in order of time.
-struct TrackedScan {
-  std::uint64_t scan_index = 0;
-  std::int64_t stamp_us = 0;
-  Pose2 pose;  // in the sub-map's frame
 };
 
 inline constexpr int kBlockCells = 64;  // cells along one side of a block
@@ -88,7 +79,6 @@ struct FinishedSubmap {
   // nothing ties this sub-map to the previous one and only loops can.
   bool linked_to_previous = true;
   std::vector<Keyframe> keyframes;     // in order of time, at least one; keyframes[0].pose is the identity
-  std::vector<TrackedScan> scans;      // in order of time
   std::vector<OccupancyBlock> blocks;  // sorted by (by, bx), no two alike
   std::vector<SurfacePoint> surface;   // in a fixed order
 };

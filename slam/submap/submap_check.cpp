@@ -15,8 +15,7 @@ bool within(double value, double limit) {  // false for NaN
 }
 
 // Track points and tracked scans are both in order of time.
-template <typename T>
-bool follows(const T& item, const T* previous) {
+bool follows(const Keyframe& item, const Keyframe* previous) {
   return previous == nullptr || (item.scan_index > previous->scan_index && item.stamp_us >= previous->stamp_us);
 }
 
@@ -66,12 +65,6 @@ std::string_view problem_of(const Keyframe& keyframe, const Keyframe* previous) 
   return {};
 }
 
-std::string_view problem_of(const TrackedScan& scan, const TrackedScan* previous) {
-  if (!is_sound(scan.pose)) return "pose not finite or too far";
-  if (!follows(scan, previous)) return "not in order of time";
-  return {};
-}
-
 std::string_view problem_of(const OccupancyBlock& block, const OccupancyBlock* previous) {
   const auto inside = [](std::int32_t index) { return index >= -kMaxBlockIndex && index < kMaxBlockIndex; };
   if (!inside(block.bx) || !inside(block.by)) return "block too far";
@@ -95,7 +88,6 @@ Status check_submap(const FinishedSubmap& submap) {
   }
   if (submap.keyframes.empty()) return Status(StatusCode::kInvalidArgument, "sub-map: no key-frame");
   if (Status status = check_list("key-frame", submap.keyframes); !status.ok()) return status;
-  if (Status status = check_list("scan", submap.scans); !status.ok()) return status;
   if (Status status = check_list("block", submap.blocks); !status.ok()) return status;
   return check_list("surface point", submap.surface);
 }

@@ -23,7 +23,6 @@ inline constexpr std::int32_t kMaxBlockIndex = 1 << 20;  // keeps 64 * index ins
 
 [[nodiscard]] std::string_view head_problem(const FinishedSubmap& submap);
 [[nodiscard]] std::string_view problem_of(const Keyframe& keyframe, const Keyframe* previous);
-[[nodiscard]] std::string_view problem_of(const TrackedScan& scan, const TrackedScan* previous);
 [[nodiscard]] std::string_view problem_of(const OccupancyBlock& block, const OccupancyBlock* previous);
 [[nodiscard]] std::string_view problem_of(const SurfacePoint& point, const SurfacePoint* previous);
 

@@ -15,14 +15,13 @@ namespace submapd {
 namespace {
 
 constexpr std::string_view kMagic = "SUBMAPD\n";
-constexpr std::size_t kSections = 5;
+constexpr std::size_t kSections = 4;
 constexpr std::size_t kHeaderBytes = 24;         // magic, version, number of sections, total length
 constexpr std::size_t kSectionHeaderBytes = 16;  // number, CRC, length
 constexpr std::size_t kTrailerBytes = 4;         // CRC
 constexpr std::size_t kPoseBytes = 24;
 constexpr std::size_t kGeometryBytes = 5 * 8 + kPoseBytes;
 constexpr std::size_t kKeyframeBytes = 16 + 2 * kPoseBytes + 72 + 1 + kGeometryBytes + 4;  // without its ranges
-constexpr std::size_t kScanBytes = 16 + kPoseBytes;
 constexpr std::size_t kBlockBytes = 8 + kBlockCells * kBlockCells;
 constexpr std::size_t kSurfaceBytes = 25;
 
@@ -134,19 +133,6 @@ std::string_view get_item(ByteReader& in, Keyframe& keyframe) {
   return {};
 }
 
-void put_item(ByteWriter& out, const TrackedScan& scan) {
-  out.put(scan.scan_index);
-  out.put(scan.stamp_us);
-  put(out, scan.pose);
-}
-
-std::string_view get_item(ByteReader& in, TrackedScan& scan) {
-  scan.scan_index = in.get<std::uint64_t>();
-  scan.stamp_us = in.get_i64();
-  scan.pose = get_pose(in);
-  return {};
-}
-
 void put_item(ByteWriter& out, const OccupancyBlock& block) {
   out.put(block.bx);
   out.put(block.by);
@@ -215,8 +201,6 @@ std::string_view get_section(std::size_t number, ByteReader& in, FinishedSubmap&
       return problem.empty() && submap.keyframes.empty() ? "no key-frame" : problem;
     }
     case 3:
-      return get_list(in, kScanBytes, submap.scans);
-    case 4:
       return get_list(in, kBlockBytes, submap.blocks);
     default:
       return get_list(in, kSurfaceBytes, submap.surface);
@@ -233,9 +217,8 @@ std::vector<std::byte> encode_submap(const FinishedSubmap& submap) {
   std::array<ByteWriter, kSections> sections;
   put_head(sections[0], submap);
   put_list(sections[1], submap.keyframes);
-  put_list(sections[2], submap.scans);
-  put_list(sections[3], submap.blocks);
-  put_list(sections[4], submap.surface);
+  put_list(sections[2], submap.blocks);
+  put_list(sections[3], submap.surface);
 
   std::uint64_t total = kHeaderBytes + kTrailerBytes;
   for (const ByteWriter& section : sections) total += kSectionHeaderBytes + section.bytes().size();
@@ -300,7 +283,6 @@ Expected<FinishedSubmap> decode_submap(std::span<const std::byte> bytes) {
 
 std::size_t memory_bytes(const FinishedSubmap& submap) {
   std::size_t bytes = sizeof(FinishedSubmap) + submap.keyframes.capacity() * sizeof(Keyframe) +
-                      submap.scans.capacity() * sizeof(TrackedScan) +
                       submap.blocks.capacity() * sizeof(OccupancyBlock) +
                       submap.surface.capacity() * sizeof(SurfacePoint);
   for (const Keyframe& keyframe : submap.keyframes) bytes += keyframe.ranges_mm.capacity() * sizeof(std::uint16_t);

@@ -13,7 +13,6 @@ namespace submapd {
 struct SubmapSizes {
   std::size_t keyframes = 3;
   std::size_t beams = 20;
-  std::size_t scans = 5;
   std::size_t blocks = 2;
   std::size_t surface = 10;
 };
@@ -28,7 +27,7 @@ inline FinishedSubmap random_submap(std::uint64_t seed, const SubmapId& id, cons
   FinishedSubmap submap;
   submap.id = id;
   submap.odom_from_submap = pose();
-  submap.reason = static_cast<FinishReason>(random.next_u64() % 11);
+  submap.reason = static_cast<FinishReason>(random.next_u64() % 9);
   submap.cell_m = random.uniform(0.01, 0.2);
   submap.linked_to_previous = random.uniform() < 0.5;
   std::int64_t stamp_us = 1'600'000'000'000'000 + id.index * std::int64_t{20'000'000};
@@ -45,9 +44,6 @@ inline FinishedSubmap random_submap(std::uint64_t seed, const SubmapId& id, cons
     keyframe.geometry.base_from_sensor = pose();
     for (std::size_t beam = 0; beam < sizes.beams; ++beam) keyframe.ranges_mm.push_back(small());
     submap.keyframes.push_back(keyframe);
-  }
-  for (std::size_t i = 0; i < sizes.scans; ++i) {
-    submap.scans.push_back({id.index * std::uint64_t{1000} + i, stamp_us + static_cast<std::int64_t>(i), pose()});
   }
   for (std::size_t i = 0; i < sizes.blocks; ++i) {
     OccupancyBlock block;

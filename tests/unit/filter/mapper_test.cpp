@@ -424,6 +424,19 @@ MapperOptions filter_options(FilterMode mode) {
   return options;
 }
 
+// Three particles of which none ever wins: key-frames wait for an agreement by the dozen, then come all at once.
+TEST(MapperFilterTest, NoKeyframeIsLostWhenParticlesDisagreeForLong) {
+  MapperOptions options = filter_options(FilterMode::kRbpf);
+  options.particles = 3;
+  options.limits.path_m = 100.0;
+  options.limits.keyframes = 20;
+  options.keyframe_m = 0.01;
+  options.keyframe_rad = 0.005;
+  const MapperRun run = run_mapper(slow_drive().scans, options);
+  EXPECT_GT(run.counters.keyframes, 150U);
+  expect_sound_submaps(run);
+}
+
 TEST(MapperFilterTest, AdaptiveTracksASlowDrive) {
   const MapperRun run = run_mapper(slow_drive().scans, filter_options(FilterMode::kAdaptive));
   EXPECT_LT(error_of(run.reports, slow_drive().truth).rms_m, 0.013);  // 6.5 mm

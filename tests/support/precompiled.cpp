@@ -1,0 +1,1 @@
+// Gives submapd_test_headers something to compile.
