@@ -91,7 +91,8 @@ std::string allowed(const Key& key) {
   if (std::holds_alternative<bool*>(key.field)) return "true or false";
   if (!key.choices.empty()) return fmt::format("one of {}", key.choices);
   const std::string unit = fmt::format("{}{}", key.unit.empty() ? "" : " ", key.unit);
-  if (!std::holds_alternative<double*>(key.field)) return fmt::format("a whole number from {:.0f} to {:.0f}{}", key.low, key.high, unit);
+  if (!std::holds_alternative<double*>(key.field))
+    return fmt::format("a whole number from {:.0f} to {:.0f}{}", key.low, key.high, unit);
   return fmt::format("a number from {:g} to {:g}{}", key.low, key.high, unit);
 }
 

@@ -1,7 +1,7 @@
 // SE(2): poses, body twists, exponential and logarithm (design notes, section 1).
 //
-// Metres, radians, x forward, y left, counter-clockwise positive. A Pose2 named a_from_b maps coordinates of frame b into
-// frame a and is the pose of b in a. Yaw is not wrapped by compose(): wrap residuals, not stored angles.
+// Metres, radians, x forward, y left, counter-clockwise positive. A Pose2 named a_from_b maps coordinates of frame b
+// into frame a and is the pose of b in a. Yaw is not wrapped by compose(): wrap residuals, not stored angles.
 #pragma once
 
 #include <Eigen/Core>

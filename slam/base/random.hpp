@@ -1,7 +1,7 @@
 // Counter-based random numbers: the value depends only on the key, never on who asked first.
 //
-// Keyed by (seed, stream, index) so that results do not depend on the number of threads (design notes 6.3). The mixer is
-// SplitMix64's finaliser applied to the chained key words (Steele, Lea, Flood 2014).
+// Keyed by (seed, stream, index) so that results do not depend on the number of threads (design notes 6.3). The mixer
+// is SplitMix64's finaliser applied to the chained key words (Steele, Lea, Flood 2014).
 #pragma once
 
 #include <cmath>

@@ -15,8 +15,8 @@ enum class StatusCode {
   kInvalidArgument,  // the caller's or the user's input is wrong: tools exit with 2
   kCorrupt,          // bytes do not have the documented form
   kNotFound,
-  kIo,         // the operating system refused: the message has its reason
-  kExhausted,  // a pool or budget is full
+  kIo,           // the operating system refused: the message has its reason
+  kExhausted,    // a pool or budget is full
   kUnavailable,  // try again later: tools exit with 75
   kInternal,     // a bug of ours or of a library
 };

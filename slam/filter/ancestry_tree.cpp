@@ -71,6 +71,12 @@ std::optional<int> AncestryTree::advance_root() {
   return std::nullopt;
 }
 
+void AncestryTree::drop_root_scan() {
+  Node& root = nodes_[static_cast<std::size_t>(root_)];
+  if (root.scan_slot >= 0) freed_slots_.push_back(root.scan_slot);
+  root.scan_slot = -1;
+}
+
 void AncestryTree::change_frame(const Pose2& change) {
   for (Node& node : nodes_) node.pose = compose(change, node.pose);
 }

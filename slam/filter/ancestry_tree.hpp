@@ -1,7 +1,8 @@
 // Whose key-frames a particle's map is made of (DP-SLAM's ancestry tree, design notes 4.5).
 //
-// A node is one key-frame as one lineage placed it; particles point at leaves. What all particles share moves to the root
-// and from there into the base map; lineages without particles die. Pool of fixed size, no allocation after construction.
+// A node is one key-frame as one lineage placed it; particles point at leaves. What all particles share moves to the
+// root and from there into the base map; lineages without particles die. Pool of fixed size, no allocation after
+// construction.
 #pragma once
 
 #include <cstdint>
@@ -15,7 +16,7 @@ namespace submapd {
 class AncestryTree {
  public:
   struct Node {
-    Pose2 pose;          // of the key-frame in the sub-map's frame, as this lineage has it
+    Pose2 pose;  // of the key-frame in the sub-map's frame, as this lineage has it
     int parent = -1;
     int children = 0;
     int heads = 0;       // particles whose newest key-frame this is
@@ -35,6 +36,9 @@ class AncestryTree {
 
   // If all particles descend from one child of the root, makes it the root and returns it: it can go into the base map.
   std::optional<int> advance_root();
+
+  // The root's scan is in the base map: its slot is appended to freed_slots().
+  void drop_root_scan();
 
   [[nodiscard]] const Node& node(int id) const { return nodes_[static_cast<std::size_t>(id)]; }
   [[nodiscard]] int root() const { return root_; }

@@ -40,6 +40,8 @@ double DegeneracyMonitor::axial_variance_m2() const {
   return by_speed * by_speed + by_accel * by_accel;
 }
 
-void DegeneracyMonitor::change_frame(double yaw_rad) { axis_ = rotation(yaw_rad) * axis_; }
+void DegeneracyMonitor::change_frame(double yaw_rad) {
+  axis_ = rotation(yaw_rad) * axis_;
+}
 
 }  // namespace submapd

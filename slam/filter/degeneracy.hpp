@@ -9,13 +9,13 @@
 namespace submapd {
 
 struct DegeneracyOptions {
-  double enter_ratio = 0.02;        // smaller to larger eigenvalue of the translation block, noise floor taken off
+  double enter_ratio = 0.02;  // smaller to larger eigenvalue of the translation block, noise floor taken off
   double leave_ratio = 0.06;
-  int leave_scans = 8;              // in a row
+  int leave_scans = 8;                // in a row
   double normal_noise_share = 0.005;  // of the trace: what normals off by 4 deg pretend to know
-  double speed_sigma_m_s = 0.02;    // growth of the axial variance while latched
+  double speed_sigma_m_s = 0.02;      // growth of the axial variance while latched
   double accel_sigma_m_s2 = 0.3;
-  double min_associated = 40;       // points on surfaces, below which nothing is concluded
+  double min_associated = 40;  // points on surfaces, below which nothing is concluded
 };
 
 class DegeneracyMonitor {

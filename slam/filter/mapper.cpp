@@ -85,9 +85,8 @@ struct Mapper::Impl {
   template <typename F>
   void for_each_particle(F f) {
     const std::span<Particle> particles = set.particles();
-    pool.run(static_cast<int>(particles.size()), [&](int i) {
-      f(particles[static_cast<std::size_t>(i)], static_cast<std::uint64_t>(i));
-    });
+    pool.run(static_cast<int>(particles.size()),
+             [&](int i) { f(particles[static_cast<std::size_t>(i)], static_cast<std::uint64_t>(i)); });
   }
 
   // ---- sub-maps ----
@@ -239,9 +238,8 @@ struct Mapper::Impl {
     } else if (single()) {
       const Particle& p = set.best();
       const Pose2 predicted = compose(p.pose, predict(p, step_s).delta);
-      const LineSystem system =
-          line_system(registration.points().thinned(), window.front().map().surface(),
-                      registration.points().angle_step_rad(), predicted, options.matcher.lines);
+      const LineSystem system = line_system(registration.points().thinned(), window.front().map().surface(),
+                                            registration.points().angle_step_rad(), predicted, options.matcher.lines);
       degeneracy.update(system.equations.H, system.associated, step_s);
     }
   }
@@ -350,7 +348,8 @@ struct Mapper::Impl {
     weak_scans = 0;
     const double axial = std::min(std::sqrt(degeneracy.axial_variance_m2()), 0.5);
     if (!other_place && axial < options.collapse_m) return;
-    const int wanted = std::min(std::max(static_cast<int>(std::ceil(6.0 * axial / 0.1)), 8), options.max_adaptive_particles);
+    const int wanted =
+        std::min(std::max(static_cast<int>(std::ceil(6.0 * axial / 0.1)), 8), options.max_adaptive_particles);
     set.spread(wanted, window.front().map().layer());
     for (std::size_t i = 1; i < set.size(); ++i) {
       Particle& p = set.particles()[i];
@@ -381,9 +380,7 @@ struct Mapper::Impl {
   }
 
   // Pose of the best particle seen from its newest key-frame.
-  [[nodiscard]] Pose2 since_keyframe() const {
-    return between(set.tree().node(set.best().node).pose, set.best().pose);
-  }
+  [[nodiscard]] Pose2 since_keyframe() const { return between(set.tree().node(set.best().node).pose, set.best().pose); }
 
   [[nodiscard]] bool wants_keyframe(const Scan& scan) const {
     if (window.room() <= set.pending_keyframes()) return false;  // nobody took the last finished sub-map yet
@@ -405,7 +402,8 @@ struct Mapper::Impl {
     const Pose2 before = set.best().pose;
     std::optional<CorrelativeResult> found;
     fit = textbook() ? filter_by_sampling(scan, step_s) : filter_by_matching(scan, step_s, found);
-    const bool fits = registration.acceptable(fit);
+    // The textbook's filter trusts its motion model: it neither loses its track nor starts anew.
+    const bool fits = textbook() ? !registration.blind() : registration.acceptable(fit);
     learn_motion(scan, before, step_s, fits);
     note_covariance(step_s);
     note_fit(fits, step_s);
@@ -511,9 +509,13 @@ void Mapper::finish_run() {
   m.window.close(FinishReason::kEndOfRun);
 }
 
-bool Mapper::has_finished() const { return impl_->window.has_finished(); }
+bool Mapper::has_finished() const {
+  return impl_->window.has_finished();
+}
 
-std::optional<FinishedSubmap> Mapper::take_finished() { return impl_->window.take_finished(impl_->cart, impl_->run); }
+std::optional<FinishedSubmap> Mapper::take_finished() {
+  return impl_->window.take_finished(impl_->cart, impl_->run);
+}
 
 MapperCounters Mapper::counters() const {
   MapperCounters c = impl_->counters;

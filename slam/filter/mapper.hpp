@@ -1,13 +1,13 @@
 // The front end: scans in, poses and finished sub-maps out (paper 2.1.1; design notes 3, 5-7).
 //
-// One mapper per run, called from one thread; process() is the real-time path. Two sub-maps are active at a time and share
-// every key-frame: the scan is matched against the older (the front), and when that is full the younger takes its place,
-// having half of its length mapped already. Poses inside are in the front sub-map's frame; the "odom" frame strings the
-// sub-maps together and is continuous but for breaks.
+// One mapper per run, called from one thread; process() is the real-time path. Two sub-maps are active at a time and
+// share every key-frame: the scan is matched against the older (the front), and when that is full the younger takes its
+// place, having half of its length mapped already. Poses inside are in the front sub-map's frame; the "odom" frame
+// strings the sub-maps together and is continuous but for breaks.
 //
 // Three filters (paper eq. (1)-(2), design notes 6): kAdaptive keeps one particle while the pose is well observed and
-// spreads where it is not; kRbpf keeps a fixed number with the improved proposal; kFastSlam is grid-based FastSLAM as in
-// textbooks: sample motion, weigh by the particle's own map, update it, resampling wheel.
+// spreads where it is not; kRbpf keeps a fixed number with the improved proposal; kFastSlam is grid-based FastSLAM as
+// in textbooks: sample motion, weigh by the particle's own map, update it, resampling wheel.
 #pragma once
 
 #include <memory>
@@ -30,20 +30,20 @@ enum class OdometryUse : std::uint8_t { kAuto, kUse, kIgnore };
 struct MapperOptions {
   FilterMode filter = FilterMode::kAdaptive;
   OdometryUse odometry = OdometryUse::kAuto;
-  int particles = 30;                // of kRbpf and kFastSlam
+  int particles = 30;  // of kRbpf and kFastSlam
   int max_adaptive_particles = 32;
   std::uint64_t seed = 1;
   double keyframe_m = 0.15;
-  double keyframe_rad = 0.0524;      // 3 deg
-  double keyframe_s = 1.0;           // with at least a little motion
-  double low_rate_s = 0.06;          // slower logs without odometry are searched, not only descended
-  double covariance_kappa = 30.0;    // neighbouring beams are correlated: H / kappa is what is known
-  double collapse_m = 0.02;          // particles closer together than this ...
-  double collapse_rad = 0.0052;      // ... and this become one again
-  double ambiguous_ratio = 0.85;     // second peak over first: spread particles
-  bool unwarp = true;                // [experiment]: off shows what the sweep costs
+  double keyframe_rad = 0.0524;   // 3 deg
+  double keyframe_s = 1.0;        // with at least a little motion
+  double low_rate_s = 0.06;       // slower logs without odometry are searched, not only descended
+  double covariance_kappa = 2.0;  // neighbouring beams are correlated: H / kappa is what is known
+  double collapse_m = 0.02;       // particles closer together than this ...
+  double collapse_rad = 0.0052;   // ... and this become one again
+  double ambiguous_ratio = 0.85;  // second peak over first: spread particles
+  bool unwarp = true;             // [experiment]: off shows what the sweep costs
   int max_beams = 2048;
-  int distance_planes = 4000;        // 4 kB each, all layers together
+  int distance_planes = 4000;  // 4 kB each, all layers together
   IndexMapOptions map;
   SubmapLimits limits;
   ScanPointOptions points;
@@ -58,21 +58,22 @@ struct MapperOptions {
 struct ScanReport {
   std::uint64_t scan_index = 0;
   std::int64_t stamp_us = 0;
-  std::uint32_t submap = 0;             // the front sub-map it was matched in
-  Pose2 submap_from_base;               // at the scan's stamp (first beam)
+  std::uint32_t submap = 0;  // the front sub-map it was matched in
+  Pose2 submap_from_base;    // at the scan's stamp (first beam)
   Pose2 odom_from_base;
   std::uint64_t keyframe_scan_index = 0;  // newest key-frame of the best lineage
-  Pose2 keyframe_from_base;             // pose relative to it: stays true when key-frames are optimised
-  // If this scan is a key-frame: its pose seen from the key-frame before it. Not linked: the first of all, or after a break.
+  Pose2 keyframe_from_base;               // pose relative to it: stays true when key-frames are optimised
+  // If this scan is a key-frame: its pose seen from the key-frame before it. Not linked: the first of all, or after a
+  // break.
   Pose2 keyframe_step;
   bool keyframe_linked = false;
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  // sub-map frame
-  double entropy = 0.0;                 // of the pose posterior, nat
+  double entropy = 0.0;                                  // of the pose posterior, nat
   int particles = 1;
   double n_eff = 1.0;
   bool keyframe = false;
   bool degenerate = false;
-  bool lost = false;                    // neither matched nor in new territory: pose is the prediction
+  bool lost = false;  // neither matched nor in new territory: pose is the prediction
   bool odometry_used = false;
   MatchHealth health;
 };
@@ -81,11 +82,11 @@ struct MapperCounters {
   std::uint64_t scans = 0;
   std::uint64_t keyframes = 0;
   std::uint64_t lost_scans = 0;
-  std::uint64_t searches = 0;           // correlative
-  std::uint64_t breaks = 0;             // sub-maps begun without a link
+  std::uint64_t searches = 0;  // correlative
+  std::uint64_t breaks = 0;    // sub-maps begun without a link
   std::uint64_t forced_coalescences = 0;
-  std::uint64_t pool_refusals = 0;      // cells or surfaces a full pool did not store
-  bool odometry_rejected = false;       // kAuto found it inconsistent with the matches
+  std::uint64_t pool_refusals = 0;  // cells or surfaces a full pool did not store
+  bool odometry_rejected = false;   // kAuto found it inconsistent with the matches
   double degenerate_s = 0.0;
 };
 

@@ -44,7 +44,8 @@ Twist2 learn_twist(const Twist2& twist, const Pose2& delta, double step_s, const
     return twist;
   }
   const double a = options.smoothing;
-  return {a * fresh.vx + (1.0 - a) * twist.vx, a * fresh.vy + (1.0 - a) * twist.vy, a * fresh.wz + (1.0 - a) * twist.wz};
+  return {a * fresh.vx + (1.0 - a) * twist.vx, a * fresh.vy + (1.0 - a) * twist.vy,
+          a * fresh.wz + (1.0 - a) * twist.wz};
 }
 
 Eigen::Matrix3d motion_information(const PredictedMotion& motion, double yaw_rad) {

@@ -1,7 +1,7 @@
 // Where the next scan is expected: constant body twist, or the motion u_t that odometry reports.
 //
-// Design notes, section 3 (twist and its Q) and 6.1. Stamps of recorded logs come in bursts and gaps, so the time step that
-// counts is never shorter than the log's median period and never longer than max_extrapolation_s.
+// Design notes, section 3 (twist and its Q) and 6.1. Stamps of recorded logs come in bursts and gaps, so the time step
+// that counts is never shorter than the log's median period and never longer than max_extrapolation_s.
 #pragma once
 
 #include <Eigen/Core>
@@ -14,14 +14,14 @@
 namespace submapd {
 
 struct MotionModelOptions {
-  double accel_sigma = 6.0;            // m/s^2, of an unknown push
-  double yaw_accel_sigma = 16.0;       // rad/s^2
-  double max_sigma_m = 0.6;            // Q saturates here: a cart does not teleport
+  double accel_sigma = 6.0;       // m/s^2, of an unknown push
+  double yaw_accel_sigma = 16.0;  // rad/s^2
+  double max_sigma_m = 0.6;       // Q saturates here: a cart does not teleport
   double max_sigma_rad = 0.5;
-  double max_speed_m_s = 4.5;          // a twist beyond the cart's limits is not learnt
+  double max_speed_m_s = 4.5;  // a twist beyond the cart's limits is not learnt
   double max_yaw_rate_rad_s = 4.0;
-  double max_extrapolation_s = 1.0;    // beyond, the twist is worth nothing
-  double smoothing = 0.7;              // share of the newest twist
+  double max_extrapolation_s = 1.0;  // beyond, the twist is worth nothing
+  double smoothing = 0.7;            // share of the newest twist
   // Odometry: sigma = base + share of the motion.
   double odom_base_m = 0.01;
   double odom_per_m = 0.10;
@@ -55,7 +55,8 @@ struct PredictedMotion {
 [[nodiscard]] PredictedMotion predict_by_odometry(const Pose2& delta, const MotionModelOptions& options);
 
 // Twist of a matched motion, smoothed into `twist`; unchanged where the motion is beyond the cart's limits.
-[[nodiscard]] Twist2 learn_twist(const Twist2& twist, const Pose2& delta, double step_s, const MotionModelOptions& options);
+[[nodiscard]] Twist2 learn_twist(const Twist2& twist, const Pose2& delta, double step_s,
+                                 const MotionModelOptions& options);
 
 // Information matrix of a motion's end point, turned into the map frame.
 [[nodiscard]] Eigen::Matrix3d motion_information(const PredictedMotion& motion, double yaw_rad);

@@ -17,6 +17,8 @@ ParticleSet::ParticleSet(const ParticleSetOptions& options, DistanceLayers& laye
   particles_.reserve(n);
   scratch_.reserve(n);
   copies_.reserve(n);
+  oldest_.reserve(n);
+  heirs_.reserve(n);
   free_scans_.reserve(scans_.size());
   for (KeyframeScan& scan : scans_) {
     scan.beams.reserve(static_cast<std::size_t>(options.max_beams));
@@ -121,12 +123,55 @@ void ParticleSet::bake_agreed() {
   while (const std::optional<int> root = tree_.advance_root()) {
     const AncestryTree::Node& node = tree_.node(*root);
     baker_(node.pose, scans_[static_cast<std::size_t>(node.scan_slot)]);
+    tree_.drop_root_scan();
   }
   recycle_slots();
 }
 
+int ParticleSet::oldest_of(const Particle& p) const {
+  int node = p.node;
+  while (tree_.node(node).parent != tree_.root() && node != tree_.root()) node = tree_.node(node).parent;
+  return node;
+}
+
+// Which version of the oldest open key-frame has the most weight? Its particles take the places of all others.
+void ParticleSet::agree_on_oldest() {
+  const double top = best().log_weight;
+  oldest_.clear();
+  for (const Particle& p : particles_) oldest_.push_back(oldest_of(p));
+  const auto weight_of = [&](std::size_t i) { return std::exp(particles_[i].log_weight - top); };
+  double heaviest = 0.0;
+  int winner = oldest_[0];
+  for (const int candidate : oldest_) {
+    double weight = 0.0;
+    for (std::size_t i = 0; i < particles_.size(); ++i) weight += oldest_[i] == candidate ? weight_of(i) : 0.0;
+    if (weight <= heaviest) continue;
+    heaviest = weight;
+    winner = candidate;
+  }
+  // Systematic resampling among the winners.
+  heirs_.clear();
+  double passed = 0.0;
+  int last = 0;
+  for (std::size_t i = 0; i < particles_.size(); ++i) {
+    if (oldest_[i] != winner) continue;
+    last = static_cast<int>(i);
+    passed += weight_of(i) / heaviest;
+    while (static_cast<double>(heirs_.size()) + 0.5 < passed * static_cast<double>(particles_.size())) {
+      heirs_.push_back(last);
+    }
+  }
+  while (heirs_.size() < particles_.size()) heirs_.push_back(last);
+  resample(heirs_);
+  bake_agreed();
+}
+
 int ParticleSet::take_scan_slot() {
-  if (free_scans_.empty() || tree_.live_nodes() + static_cast<int>(particles_.size()) > tree_.max_nodes()) {
+  if (free_scans_.empty()) {
+    ++forced_;
+    agree_on_oldest();
+  }
+  if (tree_.live_nodes() + static_cast<int>(particles_.size()) > tree_.max_nodes()) {
     ++forced_;
     coalesce();
   }

@@ -2,8 +2,9 @@
 //
 // A particle is a pose, a weight and a head in the ancestry tree. With one particle its map is the base map itself;
 // with more, each has a copy-on-write layer of the distance field that also holds its own key-frames, and what all of
-// them agree on moves into the base through `Baker`. Every store is a fixed pool: when one runs out, coalesce() keeps
-// the heaviest lineage, so that the bound is exact; the event is counted.
+// them agree on moves into the base through `Baker`. They may differ about the newest max_scans key-frames only: the
+// heaviest side of the oldest disagreement is resampled, the others die. Every store is a fixed pool: when one runs
+// out, coalesce() keeps the heaviest lineage, so that the bound is exact; both events are counted.
 #pragma once
 
 #include <functional>
@@ -44,7 +45,7 @@ struct KeyframeScan {
 struct ParticleSetOptions {
   int max_particles = 32;
   int max_nodes = 4096;
-  int max_scans = 64;  // key-frames not yet in the base
+  int max_scans = 16;  // key-frames that particles may differ about
   int max_beams = 2048;
 };
 
@@ -89,6 +90,8 @@ class ParticleSet {
 
  private:
   int take_scan_slot();
+  void agree_on_oldest();
+  [[nodiscard]] int oldest_of(const Particle& p) const;
   void recycle_slots();
   void bake_agreed();
   bool stamp(int layer, const Pose2& pose, const KeyframeScan& scan);
@@ -100,6 +103,8 @@ class ParticleSet {
   std::vector<Particle> particles_;
   std::vector<Particle> scratch_;
   std::vector<int> copies_;
+  std::vector<int> oldest_;
+  std::vector<int> heirs_;
   AncestryTree tree_;
   std::vector<KeyframeScan> scans_;
   std::vector<int> free_scans_;

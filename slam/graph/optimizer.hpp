@@ -3,8 +3,8 @@
 // Algorithms only: no thread, message or file of its own. The optimizer thread of the daemon, or replay, owns one and
 // calls it from one thread. Deterministic: work is budgeted in candidates and iterations, never in time.
 //
-// Live graph: sub-map poses S_a and virtual landmarks, observations pre-composed into the sub-map's frame (design notes 11.1).
-// Final graph: equation (5) of the paper, track points and landmarks.
+// Live graph: sub-map poses S_a and virtual landmarks, observations pre-composed into the sub-map's frame (design
+// notes 11.1). Final graph: equation (5) of the paper, track points and landmarks.
 #pragma once
 
 #include <cstdint>
@@ -30,7 +30,6 @@ struct Loop {
 
 struct OptimizerOptions {
   bool loops = true;  // false: adjacent sub-maps only (replay --no-loops)
-  std::uint64_t seed = 1;
   // What would pass it is refused if it is landmarks or a loop; a sub-map's own record (some 8 kB) is always kept.
   std::size_t graph_bytes_limit = 16U << 20;
 };
@@ -38,14 +37,14 @@ struct OptimizerOptions {
 // What the optimizer counted; all monotonic but `bytes_used`.
 struct OptimizerCounters {
   std::uint64_t submaps = 0;
-  std::uint64_t landmarks = 0;        // in the graph now
-  std::uint64_t loop_candidates = 0;  // branch-and-bound runs
-  std::uint64_t loops_confirmed = 0;  // state now
-  std::uint64_t loops_pending = 0;    // state now
-  std::uint64_t loops_rejected = 0;   // candidates and pending loops that were refused
+  std::uint64_t landmarks = 0;           // in the graph now
+  std::uint64_t loop_candidates = 0;     // branch-and-bound runs
+  std::uint64_t loops_confirmed = 0;     // state now
+  std::uint64_t loops_pending = 0;       // state now
+  std::uint64_t loops_rejected = 0;      // candidates and pending loops that were refused
   std::uint64_t refused_for_memory = 0;  // sets of landmarks that would have passed graph_bytes_limit
   std::uint64_t solves = 0;
-  double solve_ms_max = 0.0;          // wall time, for the report only: nothing depends on it
+  double solve_ms_max = 0.0;  // wall time, for the report only: nothing depends on it
   std::size_t bytes_used = 0;
   std::size_t bytes_peak = 0;
 };
@@ -57,23 +56,23 @@ struct SubmapPose {
 
 // State after a live solve: what CART_GRAPH carries and what corrects the pose in the map.
 struct GraphState {
-  std::uint32_t version = 0;         // grows by one with each solve
-  std::vector<SubmapPose> submaps;   // in order of index
-  std::vector<Loop> loops;           // in order of discovery
+  std::uint32_t version = 0;        // grows by one with each solve
+  std::vector<SubmapPose> submaps;  // in order of index
+  std::vector<Loop> loops;          // in order of discovery
 };
 
-struct GraphPose {       // VERTEX_SE2
+struct GraphPose {  // VERTEX_SE2
   std::uint64_t id = 0;
   Pose2 pose;
 };
-struct GraphPoint {      // VERTEX_XY
+struct GraphPoint {  // VERTEX_XY
   std::uint64_t id = 0;
   Eigen::Vector2d point = Eigen::Vector2d::Zero();
 };
-struct GraphPoseEdge {   // EDGE_SE2
+struct GraphPoseEdge {  // EDGE_SE2
   std::uint64_t from = 0;
   std::uint64_t to = 0;
-  Pose2 measurement;     // from⁻¹ ∘ to
+  Pose2 measurement;  // from⁻¹ ∘ to
   Eigen::Matrix3d information = Eigen::Matrix3d::Identity();
 };
 struct GraphPointEdge {  // EDGE_SE2_XY
@@ -100,11 +99,11 @@ struct OptimizedKeyframe {
 };
 
 struct FinalResult {
-  std::vector<SubmapPose> submaps;            // in order of index
-  std::vector<OptimizedKeyframe> keyframes;   // every distinct track point of the run, in order of time
+  std::vector<SubmapPose> submaps;           // in order of index
+  std::vector<OptimizedKeyframe> keyframes;  // every distinct track point of the run, in order of time
   std::vector<Loop> loops;
-  GraphExport graph;                          // equation (5)
-  std::string report;                         // a few lines for people: residuals before and after, iterations
+  GraphExport graph;   // equation (5)
+  std::string report;  // a few lines for people: residuals before and after, iterations
 };
 
 // What the optimizer thread drives: the Optimizer below, or a double in tests.
@@ -115,7 +114,8 @@ class BackEnd {
   BackEnd& operator=(const BackEnd&) = delete;
   virtual ~BackEnd() = default;
 
-  // Takes the next finished sub-map (indices 0, 1, 2, ... in order), matches it with its neighbours, seeks loops, solves.
+  // Takes the next finished sub-map (indices 0, 1, 2, ... in order), matches it with its neighbours, seeks loops,
+  // solves.
   virtual Expected<GraphState> add_submap(const std::shared_ptr<const FinishedSubmap>& submap) = 0;
 
   // Remaining loop search over all overlapping pairs, then equation (5) to convergence.

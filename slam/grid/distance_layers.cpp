@@ -34,8 +34,8 @@ void stamp_into(std::uint8_t* plane, int cx, int cy) {
   const int y0 = std::max(cy - kDistanceRadiusCells, 0);
   const int y1 = std::min(cy + kDistanceRadiusCells, kBlockCells - 1);
   for (int y = y0; y <= y1; ++y) {
-    const std::uint8_t* from =
-        kernel().rows[static_cast<std::size_t>(y - cy + kDistanceRadiusCells)].data() + (x0 - cx + kDistanceRadiusCells);
+    const std::uint8_t* from = kernel().rows[static_cast<std::size_t>(y - cy + kDistanceRadiusCells)].data() +
+                               (x0 - cx + kDistanceRadiusCells);
     std::uint8_t* to = plane + y * kBlockCells + x0;
     const int n = x1 - x0 + 1;
     for (int i = 0; i < n; ++i) to[i] = std::min(to[i], from[i]);

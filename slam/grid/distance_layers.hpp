@@ -1,9 +1,9 @@
 // Truncated distance fields of the base map and of every particle, sharing blocks copy-on-write.
 //
-// One plane = one block of 64 x 64 bytes: distance to the closest occupied cell in 1/8 cell, saturating at 8 cells. A layer
-// is a directory of planes; duplicating a layer shares all its planes, writing to a shared one copies 4 kB (design notes
-// 4.2, 4.3, 4.5; IRIS LaMa's idea, thinner). Everything lives in pools of fixed size: when they are full, stamp() and
-// duplicate() say so and the caller coalesces its particles. No allocation after construction.
+// One plane = one block of 64 x 64 bytes: distance to the closest occupied cell in 1/8 cell, saturating at 8 cells. A
+// layer is a directory of planes; duplicating a layer shares all its planes, writing to a shared one copies 4 kB
+// (design notes 4.2, 4.3, 4.5; IRIS LaMa's idea, thinner). Everything lives in pools of fixed size: when they are full,
+// stamp() and duplicate() say so and the caller coalesces its particles. No allocation after construction.
 //
 // Thread rule: stamp() on different layers from different threads is not allowed (the pool is shared); reads are.
 #pragma once
@@ -51,8 +51,8 @@ class DistanceLayers {
   [[nodiscard]] int duplicate(int layer);
   void release(int layer);
 
-  // Marks a cell as occupied: lowers the field within 8 cells of it. Returns false when the plane pool was full somewhere
-  // in that area; the field then is too high there but still valid. REQUIRES: in_map(cell).
+  // Marks a cell as occupied: lowers the field within 8 cells of it. Returns false when the plane pool was full
+  // somewhere in that area; the field then is too high there but still valid. REQUIRES: in_map(cell).
   bool stamp(int layer, CellIndex cell);
 
   // Rebuilds one block of a layer from its occupied cells (value 0) and those of the neighbour blocks, after cells were
@@ -79,8 +79,8 @@ class DistanceLayers {
   std::uint8_t* writable_plane(Layer& layer, int block);
   void release_plane(std::uint16_t plane);
 
-  std::vector<std::uint8_t> planes_;        // plane 0 is the shared "nothing near" plane
-  std::vector<std::uint16_t> references_;   // layers that hold a plane
+  std::vector<std::uint8_t> planes_;       // plane 0 is the shared "nothing near" plane
+  std::vector<std::uint16_t> references_;  // layers that hold a plane
   std::vector<std::uint16_t> free_planes_;
   std::vector<Layer> layers_;
   int peak_planes_ = 0;

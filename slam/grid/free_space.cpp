@@ -5,6 +5,19 @@
 
 namespace submapd {
 
+Eigen::Vector2f place_beams(const Pose2& pose, std::span<const BeamEnd> beams, const Eigen::Vector2f& origin,
+                            std::vector<BeamEnd>& placed) {
+  const auto c = static_cast<float>(std::cos(pose.yaw));
+  const auto s = static_cast<float>(std::sin(pose.yaw));
+  const auto x = static_cast<float>(pose.x);
+  const auto y = static_cast<float>(pose.y);
+  placed.clear();
+  for (const BeamEnd& b : beams.first(std::min(beams.size(), placed.capacity()))) {
+    placed.push_back({x + c * b.x - s * b.y, y + s * b.x + c * b.y, b.range_m, b.hit});
+  }
+  return {x + c * origin.x() - s * origin.y(), y + s * origin.x() + c * origin.y()};
+}
+
 FreeSpacePolygon::FreeSpacePolygon(const FreeSpaceOptions& options, double cell_m, int max_beams)
     : options_(options),
       cells_per_m_(static_cast<float>(1.0 / cell_m)),
@@ -17,7 +30,9 @@ FreeSpacePolygon::FreeSpacePolygon(const FreeSpaceOptions& options, double cell_
   spans_.reserve(rows * 32);
 }
 
-void FreeSpacePolygon::add_vertex(float u, float v) { vertices_.push_back({u, v}); }
+void FreeSpacePolygon::add_vertex(float u, float v) {
+  vertices_.push_back({u, v});
+}
 
 std::span<const RowSpan> FreeSpacePolygon::convert(float origin_x, float origin_y, std::span<const BeamEnd> beams) {
   vertices_.clear();

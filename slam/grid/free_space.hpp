@@ -1,13 +1,15 @@
 // The region a scan has looked through, as a visibility polygon converted to row spans (design notes 4.4).
 //
-// Star-shaped polygon: the sensor and, beam by beam, the end of what was seen free. Each cell is visited once a scan, which
-// a ray per beam does not give, and the spans can be added with vector instructions. No allocation after construction.
+// Star-shaped polygon: the sensor and, beam by beam, the end of what was seen free. Each cell is visited once a scan,
+// which a ray per beam does not give, and the spans can be added with vector instructions. No allocation after
+// construction.
 #pragma once
 
 #include <cstdint>
 #include <span>
 #include <vector>
 
+#include "slam/base/pose2.hpp"
 #include "slam/grid/grid_geometry.hpp"
 
 namespace submapd {
@@ -26,6 +28,11 @@ struct BeamEnd {
   float range_m = 0.0F;  // distance from the sensor; 0: no evidence along this beam
   bool hit = true;       // false: free along range_m but nothing was hit at its end
 };
+
+// Beams and their origin moved by `pose`; returns the moved origin. Keeps what fits into placed's capacity: no
+// allocation.
+Eigen::Vector2f place_beams(const Pose2& pose, std::span<const BeamEnd> beams, const Eigen::Vector2f& origin,
+                            std::vector<BeamEnd>& placed);
 
 struct FreeSpaceOptions {
   double max_range_m = 15.0;     // carve no farther

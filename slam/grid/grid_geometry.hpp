@@ -1,7 +1,8 @@
 // Cells, blocks and the dense directory of a sub-map's index map (paper 2.2, design notes 4.1).
 //
-// A sub-map's frame is covered by 64 x 64 blocks of 64 x 64 cells, its origin in the middle. Cell (ix, iy) holds the points
-// with floor(x / cell_m) + 2048 == ix; indices are never negative, so that block and offset are a shift and a mask.
+// A sub-map's frame is covered by 64 x 64 blocks of 64 x 64 cells, its origin in the middle. Cell (ix, iy) holds the
+// points with floor(x / cell_m) + 2048 == ix; indices are never negative, so that block and offset are a shift and a
+// mask.
 #pragma once
 
 #include <cmath>
@@ -11,11 +12,11 @@
 
 namespace submapd {
 
-inline constexpr int kDirectoryBlocks = 64;                                  // blocks along one side
-inline constexpr int kDirectorySize = kDirectoryBlocks * kDirectoryBlocks;   // blocks in all
-inline constexpr int kMapCells = kDirectoryBlocks * kBlockCells;             // cells along one side
-inline constexpr int kMapBias = kMapCells / 2;                               // index of the cell at the origin
-inline constexpr int kBlockArea = kBlockCells * kBlockCells;                 // cells in a block
+inline constexpr int kDirectoryBlocks = 64;                                 // blocks along one side
+inline constexpr int kDirectorySize = kDirectoryBlocks * kDirectoryBlocks;  // blocks in all
+inline constexpr int kMapCells = kDirectoryBlocks * kBlockCells;            // cells along one side
+inline constexpr int kMapBias = kMapCells / 2;                              // index of the cell at the origin
+inline constexpr int kBlockArea = kBlockCells * kBlockCells;                // cells in a block
 
 struct CellIndex {
   int ix = 0;
@@ -34,7 +35,11 @@ struct CellIndex {
   return {static_cast<int>(u) + kMapBias, static_cast<int>(v) + kMapBias};
 }
 // REQUIRES: in_map(c).
-[[nodiscard]] inline int block_of(CellIndex c) { return (c.iy >> 6) * kDirectoryBlocks + (c.ix >> 6); }
-[[nodiscard]] inline int offset_of(CellIndex c) { return ((c.iy & 63) << 6) | (c.ix & 63); }
+[[nodiscard]] inline int block_of(CellIndex c) {
+  return (c.iy >> 6) * kDirectoryBlocks + (c.ix >> 6);
+}
+[[nodiscard]] inline int offset_of(CellIndex c) {
+  return ((c.iy & 63) << 6) | (c.ix & 63);
+}
 
 }  // namespace submapd

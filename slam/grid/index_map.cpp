@@ -10,7 +10,9 @@ constexpr std::uint8_t kCountLimit = 240;  // either count: both are halved ther
 constexpr double kMaxLogOdds = 20.0;
 constexpr std::size_t kMaxRebuildsPerScan = 6;
 
-double log_odds(double p) { return std::log(p / (1.0 - p)); }
+double log_odds(double p) {
+  return std::log(p / (1.0 - p));
+}
 
 }  // namespace
 
@@ -38,7 +40,9 @@ IndexMap::IndexMap(const IndexMapOptions& options, DistanceLayers& layers)
   }
 }
 
-IndexMap::~IndexMap() { layers_.release(layer_); }
+IndexMap::~IndexMap() {
+  layers_.release(layer_);
+}
 
 void IndexMap::clear() {
   directory_.fill(0);
@@ -189,8 +193,12 @@ IndexMap::Counts IndexMap::counts(CellIndex cell) const {
   return {block.hits[o], block.misses[o]};
 }
 
-std::size_t IndexMap::bytes_used() const { return used_blocks_ * sizeof(Block) + surface_.bytes_used(); }
-std::size_t IndexMap::bytes_limit() const { return blocks_.size() * sizeof(Block) + surface_.bytes_limit(); }
+std::size_t IndexMap::bytes_used() const {
+  return used_blocks_ * sizeof(Block) + surface_.bytes_used();
+}
+std::size_t IndexMap::bytes_limit() const {
+  return blocks_.size() * sizeof(Block) + surface_.bytes_limit();
+}
 
 std::vector<OccupancyBlock> IndexMap::export_blocks() const {
   std::vector<OccupancyBlock> out;

@@ -1,10 +1,11 @@
-// The dynamic index map of one active sub-map: count-based occupancy on blocks made on demand (paper 2.2, equations (6)-(8)).
+// The dynamic index map of one active sub-map: count-based occupancy on blocks made on demand (paper 2.2, equations
+// (6)-(8)).
 //
-// Look-up is two steps, directory then block, both O(1). Evidence is kept as counts c_o (hits) and c_f (looked through), at
-// most one of them a cell and scan; equation (7) with its misprint corrected gives log L = c_f log O_f + c_o log O_o and
-// equation (8) p = L / (1 + L), evaluated as a logistic function. Cells beyond a hit get nothing, so occupied, free and
-// unknown stay apart. The map keeps its layer of the distance field and its surface statistics in step with the counts.
-// Memory is taken once, at construction. One writer thread; readers only while nobody writes.
+// Look-up is two steps, directory then block, both O(1). Evidence is kept as counts c_o (hits) and c_f (looked
+// through), at most one of them a cell and scan; equation (7) with its misprint corrected gives log L = c_f log O_f +
+// c_o log O_o and equation (8) p = L / (1 + L), evaluated as a logistic function. Cells beyond a hit get nothing, so
+// occupied, free and unknown stay apart. The map keeps its layer of the distance field and its surface statistics in
+// step with the counts. Memory is taken once, at construction. One writer thread; readers only while nobody writes.
 #pragma once
 
 #include <array>
@@ -29,8 +30,8 @@ struct OccupancyOptions {
 
 struct IndexMapOptions {
   double cell_m = 0.05;
-  int max_blocks = 400;      // of 64 x 64 cells
-  int max_faces = 30000;     // surface statistics
+  int max_blocks = 400;   // of 64 x 64 cells
+  int max_faces = 30000;  // surface statistics
   int max_beams = 2048;
   OccupancyOptions occupancy;
   FreeSpaceOptions free_space;

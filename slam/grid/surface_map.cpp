@@ -8,10 +8,10 @@
 namespace submapd {
 namespace {
 
-constexpr float kMaxHits = 2000.0F;        // halve beyond: finite inertia against moved walls
-constexpr float kSameSide = -0.17F;        // cosine: views up to 100 deg apart belong to one face
-constexpr float kLineRatio = 0.1F;         // smaller to larger eigenvalue of a line's scatter
-constexpr float kMinLineSpread_m2 = 4e-4F; // (2 cm)^2 along a line at least
+constexpr float kMaxHits = 2000.0F;         // halve beyond: finite inertia against moved walls
+constexpr float kSameSide = -0.17F;         // cosine: views up to 100 deg apart belong to one face
+constexpr float kLineRatio = 0.1F;          // smaller to larger eigenvalue of a line's scatter
+constexpr float kMinLineSpread_m2 = 4e-4F;  // (2 cm)^2 along a line at least
 constexpr float kMinHitsForLine = 3.0F;
 
 float view_agreement(const SurfaceFace& face, float view_x, float view_y) {
@@ -24,12 +24,16 @@ int surface_index(float position_m) {
   return static_cast<int>(std::clamp(scaled, -1e6F, 1e6F)) + kSurfaceBias;
 }
 
-bool in_surface(int ix, int iy) { return ix >= 1 && iy >= 1 && ix < kSurfaceSide - 1 && iy < kSurfaceSide - 1; }
+bool in_surface(int ix, int iy) {
+  return ix >= 1 && iy >= 1 && ix < kSurfaceSide - 1 && iy < kSurfaceSide - 1;
+}
 
 std::size_t block_index(int ix, int iy) {
   return static_cast<std::size_t>((iy >> 5) * kDirectoryBlocks + (ix >> 5));
 }
-std::size_t slot_index(int ix, int iy) { return static_cast<std::size_t>(((iy & 31) << 5) | (ix & 31)); }
+std::size_t slot_index(int ix, int iy) {
+  return static_cast<std::size_t>(((iy & 31) << 5) | (ix & 31));
+}
 
 }  // namespace
 
@@ -107,7 +111,8 @@ void SurfaceMap::insert(std::span<const SurfaceHit> hits) {
     face.view_x += hit.view_x;
     face.view_y += hit.view_y;
     const float turn = std::atan2(hit.view_y, hit.view_x) * (4.0F / std::numbers::pi_v<float>);
-    face.view_sectors = static_cast<std::uint8_t>(face.view_sectors | (1U << (static_cast<unsigned>(turn + 8.0F) & 7U)));
+    face.view_sectors =
+        static_cast<std::uint8_t>(face.view_sectors | (1U << (static_cast<unsigned>(turn + 8.0F) & 7U)));
     if (face.touched_scan != scan_) {
       face.touched_scan = scan_;
       if (face.keyframes < std::numeric_limits<std::uint16_t>::max()) ++face.keyframes;
@@ -118,8 +123,8 @@ void SurfaceMap::insert(std::span<const SurfaceHit> hits) {
   for (const std::uint16_t t : touched_) {
     SurfaceFace& face = faces_[t];
     if (face.n > kMaxHits) {
-      for (float* s : {&face.n, &face.sum_x, &face.sum_y, &face.sum_xx, &face.sum_xy, &face.sum_yy, &face.view_x,
-                       &face.view_y}) {
+      for (float* s :
+           {&face.n, &face.sum_x, &face.sum_y, &face.sum_xx, &face.sum_xy, &face.sum_yy, &face.view_x, &face.view_y}) {
         *s *= 0.5F;
       }
     }
@@ -223,7 +228,8 @@ void SurfaceMap::forget(double x_m, double y_m) {
   const int ix = surface_index(static_cast<float>(x_m));
   const int iy = surface_index(static_cast<float>(y_m));
   if (!in_surface(ix, iy)) return;
-  for (std::uint16_t f = blocks_[directory_[block_index(ix, iy)]].slot[slot_index(ix, iy)]; f != 0; f = faces_[f].other) {
+  for (std::uint16_t f = blocks_[directory_[block_index(ix, iy)]].slot[slot_index(ix, iy)]; f != 0;
+       f = faces_[f].other) {
     SurfaceFace& face = faces_[f];
     face.n = face.sum_x = face.sum_y = face.sum_xx = face.sum_xy = face.sum_yy = 0.0F;
     face.keyframes = 0;
@@ -252,6 +258,8 @@ std::size_t SurfaceMap::bytes_used() const {
   return used_faces_ * sizeof(SurfaceFace) + used_blocks_ * sizeof(Block);
 }
 
-std::size_t SurfaceMap::bytes_limit() const { return faces_.size() * sizeof(SurfaceFace) + blocks_.size() * sizeof(Block); }
+std::size_t SurfaceMap::bytes_limit() const {
+  return faces_.size() * sizeof(SurfaceFace) + blocks_.size() * sizeof(Block);
+}
 
 }  // namespace submapd

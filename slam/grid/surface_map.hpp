@@ -1,10 +1,10 @@
 // Sub-cell surface statistics on 10 cm cells: what stage 2 of the matcher aligns to (design notes 4.2 G, 5.2).
 //
 // A face holds the hits of one cell that were seen from one side (a thin wall seen from both rooms has two faces), as
-// count, sum and scatter about the cell's centre, plus the *pooled* line through the faces of the 3 x 3 cells around it:
-// pooling keeps a wall on a cell border from being split and biased. Cells next to a hit have a face without hits of their
-// own, so that a point beside the wall finds its line in O(1).
-// Fixed pools; when they are full new cells are refused and counted. Reading is thread-safe while nobody inserts.
+// count, sum and scatter about the cell's centre, plus the *pooled* line through the faces of the 3 x 3 cells around
+// it: pooling keeps a wall on a cell border from being split and biased. Cells next to a hit have a face without hits
+// of their own, so that a point beside the wall finds its line in O(1). Fixed pools; when they are full new cells are
+// refused and counted. Reading is thread-safe while nobody inserts.
 #pragma once
 
 #include <array>
@@ -30,9 +30,9 @@ struct PooledLine {
   float mean_y = 0.0F;
   float normal_x = 0.0F;  // unit, towards the viewers; (0, 0) unless kLine
   float normal_y = 0.0F;
-  float sigma_m = 0.0F;   // spread across the line (kLine) or of the hits (kPoint)
+  float sigma_m = 0.0F;        // spread across the line (kLine) or of the hits (kPoint)
   float half_length_m = 0.0F;  // one sigma along the line
-  float count = 0.0F;     // hits pooled
+  float count = 0.0F;          // hits pooled
   SurfaceKind kind = SurfaceKind::kNone;
 };
 
@@ -47,11 +47,11 @@ struct SurfaceFace {
   float view_x = 0.0F;  // mean direction towards the sensor, not normalised
   float view_y = 0.0F;
   PooledLine pooled;
-  float pending = 0.0F;           // hits in the 3 x 3 cells since `pooled` was computed
-  std::uint32_t cell = 0;         // iy * kSurfaceSide + ix
-  std::uint16_t other = 0;        // the cell's next face; 0: none
-  std::uint16_t keyframes = 0;    // scans that hit it; saturates
-  std::uint16_t touched_scan = 0; // marks faces hit by the scan being inserted
+  float pending = 0.0F;            // hits in the 3 x 3 cells since `pooled` was computed
+  std::uint32_t cell = 0;          // iy * kSurfaceSide + ix
+  std::uint16_t other = 0;         // the cell's next face; 0: none
+  std::uint16_t keyframes = 0;     // scans that hit it; saturates
+  std::uint16_t touched_scan = 0;  // marks faces hit by the scan being inserted
   std::uint8_t view_sectors = 0;
 };
 

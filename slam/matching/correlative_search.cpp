@@ -8,7 +8,9 @@ namespace {
 
 constexpr std::size_t kTopLevel = 3;
 
-constexpr int side_of(std::size_t level) { return 1 << level; }
+constexpr int side_of(std::size_t level) {
+  return 1 << level;
+}
 
 }  // namespace
 
@@ -30,7 +32,8 @@ void CorrelativeSearch::rotate(int angle) {
   }
 }
 
-// Mean of K over the points for the node whose offsets are [u, u + side) x [v, v + side): an upper bound, exact at level 0.
+// Mean of K over the points for the node whose offsets are [u, u + side) x [v, v + side): an upper bound, exact at
+// level 0.
 float CorrelativeSearch::score(const DistanceView& field, int u, int v, std::size_t level) const {
   const auto& table = table_[level];
   const int half = side_of(level) / 2;  // the node's centre; its offsets are within (side / 2) * sqrt(2) of it
@@ -41,9 +44,7 @@ float CorrelativeSearch::score(const DistanceView& field, int u, int v, std::siz
 
 // Smallest loss to the motion prior over the node.
 float CorrelativeSearch::penalty(int angle, int u, int v, int side) const {
-  const auto nearest = [side](int low) {
-    return low > 0 ? low : std::min(0, low + side - 1);
-  };
+  const auto nearest = [side](int low) { return low > 0 ? low : std::min(0, low + side - 1); };
   const auto share = [](int value, int half) { return half > 0 ? static_cast<double>(value) / half : 0.0; };
   const double su = share(nearest(u), half_u_);
   const double sv = share(nearest(v), half_v_);
@@ -106,8 +107,9 @@ CorrelativeSearch::Leaf CorrelativeSearch::best_leaf(const DistanceView& field, 
   return best;
 }
 
-CorrelativeResult CorrelativeSearch::search(std::span<const ScanPoint> points, double far_range_m, const DistanceView& field,
-                                            double cell_m, const Pose2& centre, const SearchWindow& window) {
+CorrelativeResult CorrelativeSearch::search(std::span<const ScanPoint> points, double far_range_m,
+                                            const DistanceView& field, double cell_m, const Pose2& centre,
+                                            const SearchWindow& window) {
   CorrelativeResult result;
   result.pose = result.second_pose = centre;
   if (points.empty()) return result;
@@ -118,7 +120,8 @@ CorrelativeResult CorrelativeSearch::search(std::span<const ScanPoint> points, d
     for (std::size_t level = 0; level < table_.size(); ++level) {
       const double rho = level == 0 ? 0.0 : std::sqrt(2.0) * side_of(level) / 2.0;
       for (std::size_t i = 0; i <= kDistanceFar; ++i) {
-        // Both bytes are rounded to the nearest 1/8 cell, the centre's and the offset's: the bound allows for a unit more.
+        // Both bytes are rounded to the nearest 1/8 cell, the centre's and the offset's: the bound allows for a unit
+        // more.
         const double units = static_cast<double>(i) - (level == 0 ? 0.0 : 1.0);
         const double d = std::max(units / kDistanceUnitsPerCell - rho, 0.0) * cell_m;
         table_[level][i] = static_cast<float>(std::exp(-0.5 * d * d / (options_.sigma_m * options_.sigma_m)));
@@ -126,8 +129,8 @@ CorrelativeResult CorrelativeSearch::search(std::span<const ScanPoint> points, d
     }
   }
   points_.clear();
-  const std::size_t stride =
-      (points.size() + static_cast<std::size_t>(options_.max_points) - 1) / static_cast<std::size_t>(options_.max_points);
+  const std::size_t stride = (points.size() + static_cast<std::size_t>(options_.max_points) - 1) /
+                             static_cast<std::size_t>(options_.max_points);
   for (std::size_t i = 0; i < points.size(); i += stride) points_.emplace_back(points[i].x, points[i].y);
 
   half_u_ = std::max(static_cast<int>(std::ceil(window.half_x_m / cell_m)), 1);

@@ -1,8 +1,8 @@
 // Correlative search over a window of poses: after gaps, at low rates, and when the gradient matcher fails (notes 5.3).
 //
-// Exhaustive to the cell, but branch and bound: over offsets no farther than rho cells from a centre the distance to the
-// closest obstacle is at least D - rho, so that K(max(0, D - rho)) bounds the score of all of them from above. The bound
-// needs no pyramid, only the field the map keeps anyway.
+// Exhaustive to the cell, but branch and bound: over offsets no farther than rho cells from a centre the distance to
+// the closest obstacle is at least D - rho, so that K(max(0, D - rho)) bounds the score of all of them from above. The
+// bound needs no pyramid, only the field the map keeps anyway.
 #pragma once
 
 #include <span>
@@ -15,13 +15,13 @@
 namespace submapd {
 
 struct SearchWindow {
-  double half_x_m = 0.3;    // map frame, about the centre
+  double half_x_m = 0.3;  // map frame, about the centre
   double half_y_m = 0.3;
   double half_yaw_rad = 0.175;
 };
 
 struct CorrelativeOptions {
-  double sigma_m = 0.075;        // of the score K = exp(-d^2 / 2 sigma^2)
+  double sigma_m = 0.075;  // of the score K = exp(-d^2 / 2 sigma^2)
   int max_points = 120;
   int max_nodes = 30000;         // coarse nodes of one search; wider windows take coarser angles
   int max_expansions = 40000;    // nodes opened for one peak: bounds the time on scans that fit nowhere
@@ -32,18 +32,19 @@ struct CorrelativeOptions {
 
 struct CorrelativeResult {
   Pose2 pose;
-  double score = 0.0;          // mean K in [0, 1]
-  double second_score = 0.0;   // of the best pose away from the best; 0 if below half of it
+  double score = 0.0;         // mean K in [0, 1]
+  double second_score = 0.0;  // of the best pose away from the best; 0 if below half of it
   Pose2 second_pose;
-  bool complete = true;        // false: the budget ended the search, a better pose may exist
+  bool complete = true;  // false: the budget ended the search, a better pose may exist
 };
 
 class CorrelativeSearch {
  public:
   explicit CorrelativeSearch(const CorrelativeOptions& options);
 
-  [[nodiscard]] CorrelativeResult search(std::span<const ScanPoint> points, double far_range_m, const DistanceView& field,
-                                         double cell_m, const Pose2& centre, const SearchWindow& window);
+  [[nodiscard]] CorrelativeResult search(std::span<const ScanPoint> points, double far_range_m,
+                                         const DistanceView& field, double cell_m, const Pose2& centre,
+                                         const SearchWindow& window);
 
  private:
   struct Node {

@@ -45,7 +45,8 @@ inline FieldSample sample(const DistanceView& field, float u, float v) {
 
 }  // namespace
 
-Eigen::Vector3d solve_step(const NormalEquations& equations, double kappa, const Pose2& pose, const MotionPrior& prior) {
+Eigen::Vector3d solve_step(const NormalEquations& equations, double kappa, const Pose2& pose,
+                           const MotionPrior& prior) {
   const Eigen::Vector3d off(pose.x - prior.pose.x, pose.y - prior.pose.y, wrap_angle(pose.yaw - prior.pose.yaw));
   // The small diagonal keeps the system solvable when neither map nor prior says anything.
   Eigen::Matrix3d A = equations.H / kappa + prior.information;
@@ -77,7 +78,8 @@ MatchResult match_field(std::span<const ScanPoint> points, const DistanceView& f
       const float ry = s * p.x + c * p.y;
       const float u = (tx + rx) * cells_per_m + static_cast<float>(kMapBias);
       const float v = (ty + ry) * cells_per_m + static_cast<float>(kMapBias);
-      if (!(u >= 1.0F && v >= 1.0F && u <= static_cast<float>(kMapCells - 2) && v <= static_cast<float>(kMapCells - 2))) {
+      if (!(u >= 1.0F && v >= 1.0F && u <= static_cast<float>(kMapCells - 2) &&
+            v <= static_cast<float>(kMapCells - 2))) {
         continue;
       }
       const FieldSample f = sample(field, u, v);
@@ -124,8 +126,8 @@ double LikelihoodTable::log_likelihood(std::span<const ScanPoint> points, const 
   const double cells_per_m = 1.0 / cell_m;
   double sum = 0.0;
   for (const ScanPoint& p : points) {
-    const CellIndex cell = cell_at(static_cast<double>(tx + c * p.x - s * p.y), static_cast<double>(ty + s * p.x + c * p.y),
-                                   cells_per_m);
+    const CellIndex cell =
+        cell_at(static_cast<double>(tx + c * p.x - s * p.y), static_cast<double>(ty + s * p.x + c * p.y), cells_per_m);
     sum += static_cast<double>(log_p_[field.at(cell)]);
   }
   return sum / kappa_;

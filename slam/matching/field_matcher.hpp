@@ -11,9 +11,9 @@ namespace submapd {
 
 struct FieldMatcherOptions {
   int max_iterations = 10;
-  double sigma_m = 0.05;          // of one point's distance
-  double cauchy_m = 0.15;         // c of the weight 1 / (1 + (d / c)^2)
-  double kappa = 8.0;             // neighbouring beams are correlated: information counts 1 / kappa
+  double sigma_m = 0.05;   // of one point's distance
+  double cauchy_m = 0.15;  // c of the weight 1 / (1 + (d / c)^2)
+  double kappa = 8.0;      // neighbouring beams are correlated: information counts 1 / kappa
   double stop_m = 0.0005;
   double stop_rad = 0.0001;
 };
@@ -25,7 +25,7 @@ struct FieldMatcherOptions {
 // log p(z | m, x) of design notes 6.2, tempered by 1 / kappa; points on unknown cells count as half the radius away.
 struct LikelihoodOptions {
   double sigma_m = 0.06;
-  double hit_share = 0.9;      // z_h; the rest is a floor at three sigma
+  double hit_share = 0.9;  // z_h; the rest is a floor at three sigma
   double kappa = 30.0;
 };
 class LikelihoodTable {

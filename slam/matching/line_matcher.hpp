@@ -1,4 +1,5 @@
-// Stage 2: point-to-line on pooled surface statistics, sub-cell (design notes 5.2), and the degeneracy test on its Hessian.
+// Stage 2: point-to-line on pooled surface statistics, sub-cell (design notes 5.2), and the degeneracy test on its
+// Hessian.
 #pragma once
 
 #include <span>
@@ -11,12 +12,12 @@ namespace submapd {
 
 struct LineMatcherOptions {
   int max_iterations = 4;
-  double range_sigma_m = 0.012;      // sigma_r of one range
-  double beam_sigma_steps = 0.25;    // sigma of a beam's direction in angle steps
-  double min_line_sigma_m = 0.003;   // no pooled line is known better
-  double gate_m = 0.10;              // association gate, or three sigma where that is less ...
-  double min_gate_m = 0.04;          // ... but not below this
-  double tangential_gate_m = 0.15;   // beyond the end of the mapped part of a wall
+  double range_sigma_m = 0.012;     // sigma_r of one range
+  double beam_sigma_steps = 0.25;   // sigma of a beam's direction in angle steps
+  double min_line_sigma_m = 0.003;  // no pooled line is known better
+  double gate_m = 0.10;             // association gate, or three sigma where that is less ...
+  double min_gate_m = 0.04;         // ... but not below this
+  double tangential_gate_m = 0.15;  // beyond the end of the mapped part of a wall
   double cauchy_sigmas = 2.0;
   double kappa = 8.0;
   double stop_m = 0.0002;
@@ -38,7 +39,7 @@ struct LineSystem {
   NormalEquations equations;
   int associated = 0;
 };
-[[nodiscard]] LineSystem line_system(std::span<const ScanPoint> points, const SurfaceMap& surface, double angle_step_rad,
-                                     const Pose2& pose, const LineMatcherOptions& options);
+[[nodiscard]] LineSystem line_system(std::span<const ScanPoint> points, const SurfaceMap& surface,
+                                     double angle_step_rad, const Pose2& pose, const LineMatcherOptions& options);
 
 }  // namespace submapd

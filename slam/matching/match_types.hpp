@@ -15,16 +15,16 @@ struct MotionPrior {
 
 // Health of one scan against the map (design notes 5.5).
 struct MatchHealth {
-  double matched_ratio = 0.0;     // share of points with the field below its limit
-  double mean_distance_m = 0.0;   // of the matched points to the closest obstacle
-  double line_ratio = 0.0;        // share of points that found a surface in stage 2
-  double contradiction = 0.0;     // share of points deep inside known free space
+  double matched_ratio = 0.0;    // share of points with the field below its limit
+  double mean_distance_m = 0.0;  // of the matched points to the closest obstacle
+  double line_ratio = 0.0;       // share of points that found a surface in stage 2
+  double contradiction = 0.0;    // share of points deep inside known free space
   int iterations = 0;
 };
 
 struct MatchResult {
-  Pose2 pose;                                                 // in the map frame
-  Eigen::Matrix3d information = Eigen::Matrix3d::Zero();      // of the measurement alone, H of the last pass, not inflated
+  Pose2 pose;                                             // in the map frame
+  Eigen::Matrix3d information = Eigen::Matrix3d::Zero();  // of the measurement alone, H of the last pass, not inflated
   MatchHealth health;
 };
 

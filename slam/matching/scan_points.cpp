@@ -6,7 +6,7 @@
 namespace submapd {
 namespace {
 
-constexpr float kVoxel_m = 0.10F;        // surface cell the density weight refers to
+constexpr float kVoxel_m = 0.10F;  // surface cell the density weight refers to
 constexpr double kMixedPixelJump_m = 0.10;
 
 // Slope of the surface between two neighbouring beams against the ray, from their ranges.
@@ -134,7 +134,8 @@ void ScanPoints::thin() {
   for (std::size_t i = 1; i < all_.size(); ++i) {
     length += std::min(std::hypot(all_[i].x - all_[i - 1].x, all_[i].y - all_[i - 1].y), 0.3F);
   }
-  const float spacing = std::max(static_cast<float>(options_.min_spacing_m), length / static_cast<float>(options_.thin_to));
+  const float spacing =
+      std::max(static_cast<float>(options_.min_spacing_m), length / static_cast<float>(options_.thin_to));
   thinned_.push_back(all_.front());
   for (const ScanPoint& p : all_) {
     const ScanPoint& last = thinned_.back();

@@ -1,7 +1,7 @@
 // A scan as the matcher wants it: filtered, unwarped points in the base frame at the scan's stamp.
 //
-// Each beam is moved by the motion since the first beam, p_i' = Exp(xi tau_i) p_i (design notes, section 3): without it 3 m/s
-// smears 5.6 cm over a sweep. Beams that are no measurement, too near, too far or mixed pixels are left out.
+// Each beam is moved by the motion since the first beam, p_i' = Exp(xi tau_i) p_i (design notes, section 3): without it
+// 3 m/s smears 5.6 cm over a sweep. Beams that are no measurement, too near, too far or mixed pixels are left out.
 // Arrays are taken once for max_beams; filling them does not allocate.
 #pragma once
 
@@ -23,7 +23,7 @@ struct ScanPointOptions {
 };
 
 struct ScanPoint {
-  float x = 0.0F;       // m, base frame at the scan's stamp
+  float x = 0.0F;  // m, base frame at the scan's stamp
   float y = 0.0F;
   float view_x = 0.0F;  // unit, from the point towards the sensor, base frame
   float view_y = 0.0F;

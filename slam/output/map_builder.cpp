@@ -43,16 +43,8 @@ MapBuilder::MapBuilder(double cell_m, std::size_t bytes_limit, const OccupancyOp
 void MapBuilder::place(const Keyframe& keyframe, const Pose2& map_from_base) {
   points_.assign(scan_of(keyframe), keyframe.twist);
   corner_ = {std::floor(map_from_base.x / cell_m_) * cell_m_, std::floor(map_from_base.y / cell_m_) * cell_m_};
-  const auto x = static_cast<float>(map_from_base.x - corner_.x());
-  const auto y = static_cast<float>(map_from_base.y - corner_.y());
-  const auto c = static_cast<float>(std::cos(map_from_base.yaw));
-  const auto s = static_cast<float>(std::sin(map_from_base.yaw));
-  placed_.clear();
-  for (const BeamEnd& b : points_.beams()) {
-    placed_.push_back({x + c * b.x - s * b.y, y + s * b.x + c * b.y, b.range_m, b.hit});
-  }
-  const Eigen::Vector2f o = points_.origin();
-  origin_ = {x + c * o.x() - s * o.y(), y + s * o.x() + c * o.y()};
+  const Pose2 about_corner{map_from_base.x - corner_.x(), map_from_base.y - corner_.y(), map_from_base.yaw};
+  origin_ = place_beams(about_corner, points_.beams(), points_.origin(), placed_);
 }
 
 void MapBuilder::extend(const Keyframe& keyframe, const Pose2& map_from_base) {
@@ -97,7 +89,9 @@ void MapBuilder::insert(const Keyframe& keyframe, const Pose2& map_from_base) {
   // Cell of the corner: the spans below are about it.
   const int cx = static_cast<int>(std::lround((corner_.x() - low_.x()) / cell_m_));
   const int cy = static_cast<int>(std::lround((corner_.y() - low_.y()) / cell_m_));
-  const auto at = [&](int x, int y) { return static_cast<std::size_t>(y) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(x); };
+  const auto at = [&](int x, int y) {
+    return static_cast<std::size_t>(y) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(x);
+  };
   for (const BeamEnd& b : placed_) {
     if (!b.hit || b.range_m <= 0.0F) continue;
     const CellIndex cell = cell_at(static_cast<double>(b.x), static_cast<double>(b.y), 1.0 / cell_m_);

@@ -9,7 +9,7 @@
 
 namespace submapd {
 
-inline constexpr std::uint16_t kNoReturn_mm = 0;  // beam without a return: no evidence
+inline constexpr std::uint16_t kNoReturn_mm = 0;   // beam without a return: no evidence
 inline constexpr std::uint16_t kErrorCode_mm = 1;  // sensor's error code 1: no evidence unless configured as free
 
 // How a scan's beams lie in space and time. Beam i points at first_angle_rad + i * angle_step_rad in the sensor's frame
@@ -17,10 +17,10 @@ inline constexpr std::uint16_t kErrorCode_mm = 1;  // sensor's error code 1: no 
 struct ScanGeometry {
   double first_angle_rad = -0.75 * std::numbers::pi;
   double angle_step_rad = std::numbers::pi / 720.0;
-  double sweep_s = 0.0;        // first to last beam; 0: the scan is instantaneous
-  double range_min_m = 0.1;    // shorter ranges are the cart itself or error codes
-  double range_max_m = 30.0;   // longer ranges are no return
-  Pose2 base_from_sensor;      // pose of the sensor in the base frame
+  double sweep_s = 0.0;       // first to last beam; 0: the scan is instantaneous
+  double range_min_m = 0.1;   // shorter ranges are the cart itself or error codes
+  double range_max_m = 30.0;  // longer ranges are no return
+  Pose2 base_from_sensor;     // pose of the sensor in the base frame
   friend bool operator==(const ScanGeometry&, const ScanGeometry&) = default;
 };
 

@@ -32,8 +32,9 @@ void ActiveSubmap::open(std::uint32_t index, const Pose2& odom_from_submap, bool
   high_.setZero();
 }
 
-void ActiveSubmap::insert(const Pose2& pose, const Scan& scan, const Twist2& twist, const Eigen::Matrix3d& step_covariance,
-                          bool degenerate, std::span<const BeamEnd> beams, const Eigen::Vector2f& origin) {
+void ActiveSubmap::insert(const Pose2& pose, const Scan& scan, const Twist2& twist,
+                          const Eigen::Matrix3d& step_covariance, bool degenerate, std::span<const BeamEnd> beams,
+                          const Eigen::Vector2f& origin) {
   if (used_keyframes_ > 0) {
     const Pose2 step = between(last_keyframe().pose, pose);
     path_m_ += std::hypot(step.x, step.y);
@@ -52,15 +53,8 @@ void ActiveSubmap::insert(const Pose2& pose, const Scan& scan, const Twist2& twi
   const std::size_t n = std::min(scan.ranges_mm.size(), k.ranges_mm.capacity());
   k.ranges_mm.assign(scan.ranges_mm.begin(), scan.ranges_mm.begin() + static_cast<std::ptrdiff_t>(n));
 
-  const auto c = static_cast<float>(std::cos(pose.yaw));
-  const auto s = static_cast<float>(std::sin(pose.yaw));
-  const auto x = static_cast<float>(pose.x);
-  const auto y = static_cast<float>(pose.y);
-  placed_.clear();
-  for (const BeamEnd& b : beams.first(std::min(beams.size(), placed_.capacity()))) {
-    placed_.push_back({x + c * b.x - s * b.y, y + s * b.x + c * b.y, b.range_m, b.hit});
-  }
-  map_.insert({x + c * origin.x() - s * origin.y(), y + s * origin.x() + c * origin.y()}, placed_);
+  const Eigen::Vector2f placed_origin = place_beams(pose, beams, origin, placed_);
+  map_.insert(placed_origin, placed_);
 }
 
 double ActiveSubmap::fullness(FinishReason* reason) const {

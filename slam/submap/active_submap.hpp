@@ -18,8 +18,8 @@ struct SubmapLimits {
   double heading_rad = 9.4248;  // 540 deg of turning
   double extent_m = 50.0;
   int keyframes = 150;
-  int pending_keyframes = 64;  // of particles that do not agree yet: may all come at once, on top of a full sub-map
-  int blocks = 350;             // of the pool's 400
+  int pending_keyframes = 16;  // of particles that do not agree yet: may all come at once, on top of a full sub-map
+  int blocks = 350;            // of the pool's 400
 };
 
 class ActiveSubmap {
@@ -29,7 +29,8 @@ class ActiveSubmap {
   // Starts anew at a pose in the odom frame.
   void open(std::uint32_t index, const Pose2& odom_from_submap, bool linked_to_previous);
 
-  // Inserts a key-frame. `beams` and `origin` are in the base frame; `pose` in this sub-map's frame. REQUIRES: room() > 0.
+  // Inserts a key-frame. `beams` and `origin` are in the base frame; `pose` in this sub-map's frame. REQUIRES: room() >
+  // 0.
   void insert(const Pose2& pose, const Scan& scan, const Twist2& twist, const Eigen::Matrix3d& step_covariance,
               bool degenerate, std::span<const BeamEnd> beams, const Eigen::Vector2f& origin);
 
@@ -51,7 +52,7 @@ class ActiveSubmap {
   IndexMap map_;
   std::vector<Keyframe> keyframes_;  // ranges reserved
   std::size_t used_keyframes_ = 0;
-  std::vector<BeamEnd> placed_;      // beams in the sub-map's frame
+  std::vector<BeamEnd> placed_;  // beams in the sub-map's frame
   std::uint32_t index_ = 0;
   Pose2 odom_from_submap_;
   bool linked_to_previous_ = true;

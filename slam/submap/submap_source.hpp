@@ -17,7 +17,8 @@ class SubmapSource {
   SubmapSource& operator=(const SubmapSource&) = delete;
   virtual ~SubmapSource() = default;
 
-  // The sub-map with that index of this run. The pointer keeps it alive; callers drop it soon, so that memory stays bounded.
+  // The sub-map with that index of this run. The pointer keeps it alive; callers drop it soon, so that memory stays
+  // bounded.
   virtual Expected<std::shared_ptr<const FinishedSubmap>> load(std::uint32_t index) = 0;
 };
 

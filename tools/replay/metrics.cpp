@@ -27,8 +27,12 @@ nlohmann::ordered_json distribution(const DurationHistogram& h) {
 
 }  // namespace
 
-double process_cpu_s() { return clock_s(CLOCK_PROCESS_CPUTIME_ID); }
-double thread_cpu_s() { return clock_s(CLOCK_THREAD_CPUTIME_ID); }
+double process_cpu_s() {
+  return clock_s(CLOCK_PROCESS_CPUTIME_ID);
+}
+double thread_cpu_s() {
+  return clock_s(CLOCK_THREAD_CPUTIME_ID);
+}
 
 double peak_rss_mb() {
   rusage usage{};
@@ -71,8 +75,7 @@ Status write_metrics(const std::filesystem::path& path, const ReplayMetrics& m) 
       {"landmarks", m.optimizer.landmarks},
       {"solver", {{"calls", m.optimizer.solves}, {"ms_max", m.optimizer.solve_ms_max}}},
       {"degenerate_s", m.mapper.degenerate_s},
-      {"odometry",
-       {{"scans", m.scans_with_odometry}, {"rejected", m.mapper.odometry_rejected}}},
+      {"odometry", {{"scans", m.scans_with_odometry}, {"rejected", m.mapper.odometry_rejected}}},
       {"log",
        {{"skipped_records", m.log.skipped_records},
         {"skipped_bytes", m.log.skipped_bytes},

@@ -21,7 +21,7 @@ struct ReplayMetrics {
   std::vector<ByteBudget> bytes;
   DurationHistogram scan_wall;
   DurationHistogram scan_cpu;
-  std::uint64_t scans_dropped = 0;   // gaps in the log's scan index
+  std::uint64_t scans_dropped = 0;  // gaps in the log's scan index
   double log_s = 0.0;
   double wall_s = 0.0;
   double cpu_s = 0.0;

@@ -13,13 +13,15 @@ Expected<std::unique_ptr<PoseSpool>> PoseSpool::create(const std::filesystem::pa
   std::string name = (folder / ".poses.XXXXXX").string();
   const int fd = ::mkostemp(name.data(), O_CLOEXEC);
   if (fd < 0) {
-    return failure(StatusCode::kIo, fmt::format("cannot make a temporary file in {}: {}", folder.string(), std::strerror(errno)));
+    return failure(StatusCode::kIo,
+                   fmt::format("cannot make a temporary file in {}: {}", folder.string(), std::strerror(errno)));
   }
   ::unlink(name.c_str());
   std::FILE* file = ::fdopen(fd, "w+b");
   if (file == nullptr) {
     ::close(fd);
-    return failure(StatusCode::kIo, fmt::format("cannot use a temporary file in {}: {}", folder.string(), std::strerror(errno)));
+    return failure(StatusCode::kIo,
+                   fmt::format("cannot use a temporary file in {}: {}", folder.string(), std::strerror(errno)));
   }
   return std::unique_ptr<PoseSpool>(new PoseSpool(file));
 }

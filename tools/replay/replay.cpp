@@ -25,16 +25,19 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
+double seconds_since(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
 
 Expected<std::unique_ptr<LogReader>> open_scans(const std::string& log) {
   const std::string channel = Channels().scan_h;
-  return open_log(log, [channel](std::string_view name, std::span<const std::byte> data) -> Expected<std::optional<Scan>> {
-    if (name != channel) return std::optional<Scan>{};
-    Expected<ScanMessage> message = decode_scan(data);
-    if (!message) return tl::unexpected(message.error());
-    return std::optional<Scan>(std::move(message->scan));
-  });
+  return open_log(log,
+                  [channel](std::string_view name, std::span<const std::byte> data) -> Expected<std::optional<Scan>> {
+                    if (name != channel) return std::optional<Scan>{};
+                    Expected<ScanMessage> message = decode_scan(data);
+                    if (!message) return tl::unexpected(message.error());
+                    return std::optional<Scan>(std::move(message->scan));
+                  });
 }
 
 // Everything between a scan and the optimised graph.
@@ -51,9 +54,10 @@ class Pipeline {
         lcm_("memq://"),
         publisher_(lcm_, SubmapPublisherOptions{Channels(), std::chrono::microseconds(0)}),
         optimizer_(optimizer_options(options), *archive_),
-        thread_(thread_options(cart_, run_), lcm_,
-                [this](std::uint32_t index, const Sha256& hash) { return journal_.find(index) == hash; }, *archive_,
-                optimizer_) {}
+        thread_(
+            thread_options(cart_, run_), lcm_,
+            [this](std::uint32_t index, const Sha256& hash) { return journal_.find(index) == hash; }, *archive_,
+            optimizer_) {}
 
   Status process(const Scan& scan, TrajectoryFile& filter_trajectory) {
     const double cpu = thread_cpu_s();
@@ -70,10 +74,12 @@ class Pipeline {
     if (next_scan_index_ != 0 && scan.index > next_scan_index_) metrics_.scans_dropped += scan.index - next_scan_index_;
     next_scan_index_ = scan.index + 1;
 
-    const SpooledPose spooled{scan.stamp_us,          report.keyframe_scan_index, report.keyframe_from_base,
-                              report.keyframe_step,   report.keyframe,            report.keyframe_linked};
+    const SpooledPose spooled{
+        scan.stamp_us,   report.keyframe_scan_index, report.keyframe_from_base, report.keyframe_step,
+        report.keyframe, report.keyframe_linked};
     if (Status status = spool_->add(spooled); !status.ok()) return status;
-    if (Status status = filter_trajectory.add(scan.stamp_us, compose(map_from_odom_, report.odom_from_base)); !status.ok()) {
+    if (Status status = filter_trajectory.add(scan.stamp_us, compose(map_from_odom_, report.odom_from_base));
+        !status.ok()) {
       return status;
     }
     return hand_on_finished();
@@ -90,8 +96,8 @@ class Pipeline {
     metrics_.optimizer = optimizer_.counters();
     const BytesUse cache = archive_->cache_bytes();
     metrics_.bytes.push_back({"submap_cache", cache.used, cache.peak, cache.limit});
-    metrics_.bytes.push_back({"graph", metrics_.optimizer.bytes_used, metrics_.optimizer.bytes_peak,
-                              options_.configuration.graph_bytes});
+    metrics_.bytes.push_back(
+        {"graph", metrics_.optimizer.bytes_used, metrics_.optimizer.bytes_peak, options_.configuration.graph_bytes});
     return result;
   }
 
@@ -106,7 +112,6 @@ class Pipeline {
   static OptimizerOptions optimizer_options(const ReplayOptions& options) {
     OptimizerOptions o;
     o.loops = options.loops;
-    o.seed = options.configuration.mapper.seed;
     o.graph_bytes_limit = options.configuration.graph_bytes;
     return o;
   }
@@ -170,7 +175,8 @@ Status prepare_folder(const std::filesystem::path& out) {
 
 }  // namespace
 
-Expected<ReplayResult> replay(const ReplayOptions& options, const std::function<void(const ReplayProgress&)>& progress) {
+Expected<ReplayResult> replay(const ReplayOptions& options,
+                              const std::function<void(const ReplayProgress&)>& progress) {
   const Clock::time_point start = Clock::now();
   Expected<std::unique_ptr<LogReader>> reader = open_scans(options.log);
   if (!reader) return failure(reader.error());
@@ -208,8 +214,13 @@ Expected<ReplayResult> replay(const ReplayOptions& options, const std::function<
   ReplayMetrics& metrics = pipeline.metrics();
   metrics.log = (*reader)->summary();
   metrics.seed = options.configuration.mapper.seed;
-  RunOutputs outputs{options.out, std::filesystem::path(options.log).filename().string(), options.configuration, *result,
-                     pipeline.archive(), pipeline.spool(), metrics};
+  RunOutputs outputs{options.out,
+                     std::filesystem::path(options.log).filename().string(),
+                     options.configuration,
+                     *result,
+                     pipeline.archive(),
+                     pipeline.spool(),
+                     metrics};
   if (Status status = write_run_outputs(outputs); !status.ok()) return failure(status);
   metrics.wall_s = seconds_since(start);
   metrics.cpu_s = process_cpu_s();
@@ -228,9 +239,9 @@ Expected<ReplayResult> replay(const ReplayOptions& options, const std::function<
                                 metrics.mapper.breaks);
   }
   if (metrics.log.skipped_records > 0) {
-    done.summary += fmt::format("warning: {} damaged records of the log were skipped, first: {}\n",
-                                metrics.log.skipped_records,
-                                metrics.log.problems.empty() ? "?" : metrics.log.problems.front());
+    done.summary +=
+        fmt::format("warning: {} damaged records of the log were skipped, first: {}\n", metrics.log.skipped_records,
+                    metrics.log.problems.empty() ? "?" : metrics.log.problems.front());
   }
   if (metrics.mapper.odometry_rejected) {
     done.summary += "warning: the log's odometry contradicts the scans and was not used (see --odometry)\n";

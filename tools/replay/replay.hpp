@@ -16,9 +16,9 @@ namespace submapd::tools {
 
 struct ReplayOptions {
   std::string log;
-  std::filesystem::path out;       // made if missing; files of an earlier replay are replaced
+  std::filesystem::path out;  // made if missing; files of an earlier replay are replaced
   Configuration configuration;
-  int threads = 1;                 // of the particle filter; the result is the same for any number
+  int threads = 1;  // of the particle filter; the result is the same for any number
   bool loops = true;
 };
 

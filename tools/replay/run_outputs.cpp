@@ -66,7 +66,8 @@ Status write_trajectory(RunOutputs& run, std::vector<Pose2>& picture_path) {
   std::optional<Pose2> last;
   Status status = run.spool.for_each([&](const SpooledPose& pose) {
     const std::optional<Pose2> optimised = path.pose_of(pose);
-    if (!optimised) return Status(StatusCode::kInternal, fmt::format("key-frame {} has no optimised pose", pose.keyframe_scan_index));
+    if (!optimised)
+      return Status(StatusCode::kInternal, fmt::format("key-frame {} has no optimised pose", pose.keyframe_scan_index));
     if (pose.keyframe) {
       if (last) run.metrics.path_m += std::hypot(optimised->x - last->x, optimised->y - last->y);
       last = optimised;

@@ -15,12 +15,12 @@ namespace submapd::tools {
 // References must outlive the call.
 struct RunOutputs {
   std::filesystem::path folder;
-  std::string name;               // of the log, for the picture's title
+  std::string name;  // of the log, for the picture's title
   const Configuration& configuration;
   const FinalResult& result;
   SubmapSource& submaps;
   PoseSpool& spool;
-  ReplayMetrics& metrics;         // path_m and the map's budget are filled in
+  ReplayMetrics& metrics;  // path_m and the map's budget are filled in
 };
 
 // Writes trajectory.tum, map.pgm, map.yaml, map.png and graph.g2o, each whole or not at all.

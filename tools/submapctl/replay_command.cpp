@@ -81,7 +81,8 @@ void register_replay(CLI::App& app, CommandRun& run) {
   command->add_option("--threads", arguments->threads, "Threads of the particle filter; same result for any number")
       ->check(CLI::Range(1, 64))
       ->capture_default_str();
-  command->add_option("--seed", arguments->seed, "Seed of all random numbers (default 1)")->check(CLI::NonNegativeNumber);
+  command->add_option("--seed", arguments->seed, "Seed of all random numbers (default 1)")
+      ->check(CLI::NonNegativeNumber);
   command->add_flag("--no-loops", arguments->no_loops, "Tie adjacent sub-maps only");
   command->callback([arguments, &run] { run = [arguments] { return run_replay(*arguments); }; });
 }

@@ -8,8 +8,8 @@ namespace {
 constexpr double kMoved_m = 1e-4;
 constexpr double kMoved_rad = 1e-4;
 constexpr double kContradictionSigmas = 6.0;
-constexpr int kWindow = 100;           // judged motions before counts are halved
-constexpr int kMaxContradictions = 40; // of the last ones
+constexpr int kWindow = 100;            // judged motions before counts are halved
+constexpr int kMaxContradictions = 40;  // of the last ones
 
 }  // namespace
 

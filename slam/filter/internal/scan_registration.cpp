@@ -6,7 +6,7 @@
 namespace submapd {
 namespace {
 
-constexpr double kMinKnownRatio = 0.10;    // less of the scan on known ground: new territory
+constexpr double kMinKnownRatio = 0.10;  // less of the scan on known ground: new territory
 constexpr std::size_t kMinPoints = 10;
 constexpr double kGoodMatch = 0.55;        // share of the points on known ground that must fit
 constexpr double kMinWindow_m = 0.3;       // the search looks at least this far ...
@@ -14,10 +14,10 @@ constexpr double kMinWindow_rad = 0.1745;  // ... and 10 deg
 constexpr double kMaxWindow_m = 1.2;
 constexpr double kMaxWindow_rad = 1.2217;  // 70 deg
 constexpr double kWindowSigmas = 2.5;
-constexpr double kSecondPlaceLoss = 3.0;   // log posterior: less likely by more than this is no hypothesis
-constexpr double kSearchedPrior_m = 0.5;   // after a search the prediction says little more
+constexpr double kSecondPlaceLoss = 3.0;  // log posterior: less likely by more than this is no hypothesis
+constexpr double kSearchedPrior_m = 0.5;  // after a search the prediction says little more
 constexpr double kSearchedPrior_rad = 0.5;
-constexpr double kSamePeak_m = 0.10;       // two descents that end closer than this found the same place
+constexpr double kSamePeak_m = 0.10;  // two descents that end closer than this found the same place
 constexpr double kSamePeak_rad = 0.0349;
 
 }  // namespace
@@ -28,7 +28,9 @@ ScanRegistration::ScanRegistration(const MapperOptions& options)
       search_(options.search),
       likelihood_(options.likelihood, options.map.cell_m) {}
 
-bool ScanRegistration::blind() const { return points_.thinned().size() < kMinPoints; }
+bool ScanRegistration::blind() const {
+  return points_.thinned().size() < kMinPoints;
+}
 
 bool ScanRegistration::acceptable(const KnownFit& fit) const {
   return !blind() && (fit.known_ratio < kMinKnownRatio || fit.matched_ratio >= kGoodMatch);
@@ -57,8 +59,8 @@ CorrelativeResult ScanRegistration::search_about(const MapView& view, Particle& 
   window.half_x_m = std::clamp(kWindowSigmas * sigma(0) * widen, kMinWindow_m, kMaxWindow_m * widen);
   window.half_y_m = window.half_x_m;
   window.half_yaw_rad = std::clamp(kWindowSigmas * sigma(2) * widen, kMinWindow_rad, kMaxWindow_rad * widen);
-  const CorrelativeResult found = search_.search(points_.thinned(), points_.far_range_m(), view.field,
-                                                 options_.map.cell_m, p.prior.pose, window);
+  const CorrelativeResult found =
+      search_.search(points_.thinned(), points_.far_range_m(), view.field, options_.map.cell_m, p.prior.pose, window);
   const MatchResult descended = p.match;
   const MotionPrior motion = p.prior;
   p.match = match(view, found.pose, p.prior);

@@ -1,5 +1,5 @@
-// One scan against the map: the descent from the prediction, the wide search where the descent does not fit, and what makes
-// a pose acceptable (design notes 5).
+// One scan against the map: the descent from the prediction, the wide search where the descent does not fit, and what
+// makes a pose acceptable (design notes 5).
 //
 // Holds the scan's points. match(), fit() and the likelihoods are const and may run on several threads at once;
 // assign() and search_about() belong to one.
@@ -39,8 +39,8 @@ class ScanRegistration {
   // place. `sigma` is the motion model's; `widen` >= 1 after scans that were lost.
   CorrelativeResult search_about(const MapView& view, Particle& p, const Eigen::Vector3d& sigma, double widen);
 
-  // The search's second peak, if it is a place of its own and nearly as likely as the first: descending from it must not
-  // lead to the same pose, and the motion model must allow it.
+  // The search's second peak, if it is a place of its own and nearly as likely as the first: descending from it must
+  // not lead to the same pose, and the motion model must allow it.
   [[nodiscard]] std::optional<Pose2> second_place(const MapView& view, const Particle& p,
                                                   const CorrelativeResult& found) const;
 

@@ -35,25 +35,26 @@ void SubmapWindow::insert(const Pose2& pose, const KeyframeScan& scan) {
   peak_bytes_ = std::max(peak_bytes_, bytes_used());
 }
 
-Pose2 SubmapWindow::hand_over(FinishReason reason) {
-  const Pose2 back_from_front = between(back_->odom_from_submap(), front_->odom_from_submap());
+// The front is finished; the free sub-map stands in its place.
+void SubmapWindow::retire_front(FinishReason reason) {
   finish_reason_ = reason;
   finished_ = front_;
-  front_ = back_;
-  back_ = spare_;
+  front_ = spare_;
   spare_ = finished_;
   back_open_ = false;
+}
+
+Pose2 SubmapWindow::hand_over(FinishReason reason) {
+  const Pose2 back_from_front = between(back_->odom_from_submap(), front_->odom_from_submap());
+  retire_front(reason);
+  std::swap(front_, back_);
   return back_from_front;
 }
 
 void SubmapWindow::close(FinishReason reason) {
   if (back_open_) --next_index_;  // its index is free again
-  finish_reason_ = reason;
-  finished_ = front_;
-  front_ = spare_;
-  spare_ = finished_;
+  retire_front(reason);
   front_open_ = false;
-  back_open_ = false;
 }
 
 std::optional<FinishedSubmap> SubmapWindow::take_finished(const Uuid& cart, const Uuid& run) {

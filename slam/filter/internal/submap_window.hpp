@@ -1,5 +1,5 @@
-// The sub-maps of the moment (design notes 7): the front that scans are matched against, the younger one that shares its
-// second half and will take over, and a third that is free, or finished and not yet taken.
+// The sub-maps of the moment (design notes 7): the front that scans are matched against, the younger one that shares
+// its second half and will take over, and a third that is free, or finished and not yet taken.
 //
 // Owned and called by the mapper. No allocation after construction but in take_finished().
 #pragma once
@@ -28,8 +28,8 @@ class SubmapWindow {
 
   void open_front(const Pose2& odom_from_submap, bool linked);
 
-  // Everything that is agreed on goes into both; the younger is opened at the front's half time. `pose` in the front's frame.
-  // REQUIRES: room() > 0.
+  // Everything that is agreed on goes into both; the younger is opened at the front's half time. `pose` in the front's
+  // frame. REQUIRES: room() > 0.
   void insert(const Pose2& pose, const KeyframeScan& scan);
   // Key-frames that the front can still take; the younger always has more.
   [[nodiscard]] int room() const { return front_->room(); }
@@ -49,6 +49,8 @@ class SubmapWindow {
   [[nodiscard]] std::size_t bytes_limit() const;
 
  private:
+  void retire_front(FinishReason reason);
+
   std::array<std::unique_ptr<ActiveSubmap>, 3> submaps_;
   ActiveSubmap* front_;
   ActiveSubmap* back_;

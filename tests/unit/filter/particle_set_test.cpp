@@ -132,7 +132,24 @@ TEST(ParticleSetTest, ResamplingToOneAncestorBakesItsLineage) {
   EXPECT_EQ(rig.baked, (std::vector<Baked>{{{0.0, 0.2, 0.0}, 0}, {{0.2, 0.2, 0.0}, 1}}));
 }
 
-TEST(ParticleSetTest, RunningOutOfScansCoalescesExactlyThen) {
+TEST(ParticleSetTest, RunningOutOfScansSettlesTheOldestDisagreement) {
+  ParticleSetOptions options = small_options();
+  options.max_scans = 3;
+  Rig rig(options, 500);
+  rig.set.spread(4, rig.base);
+  rig.insert();
+  rig.set.resample(std::vector<int>{0, 1, 1, 1});  // particles 1 to 3 share their first key-frame
+  for (int k = 0; k < 2; ++k) rig.insert();
+  EXPECT_EQ(rig.set.forced_coalescences(), 0U);
+  EXPECT_TRUE(rig.baked.empty());
+  rig.insert();
+  EXPECT_EQ(rig.set.forced_coalescences(), 1U);
+  EXPECT_EQ(rig.set.size(), 4U) << "the winners take the places of the others";
+  EXPECT_EQ(rig.baked.size(), 1U) << "only the oldest is settled";
+  EXPECT_EQ(rig.set.pending_keyframes(), 3);
+}
+
+TEST(ParticleSetTest, RunningOutOfScansWithoutCommonPastBakesOneLineage) {
   ParticleSetOptions options = small_options();
   options.max_scans = 5;
   Rig rig(options, 500);
@@ -142,8 +159,8 @@ TEST(ParticleSetTest, RunningOutOfScansCoalescesExactlyThen) {
   EXPECT_EQ(rig.set.size(), 4U);
   rig.insert();
   EXPECT_EQ(rig.set.forced_coalescences(), 1U);
-  EXPECT_EQ(rig.set.size(), 1U);
-  EXPECT_EQ(rig.baked.size(), 6U) << "nothing is lost";
+  EXPECT_EQ(rig.set.size(), 4U);
+  EXPECT_EQ(rig.baked.size(), 5U) << "nothing is lost";
 }
 
 TEST(ParticleSetTest, RunningOutOfNodesCoalescesExactlyThen) {

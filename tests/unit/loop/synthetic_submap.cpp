@@ -295,7 +295,6 @@ FinishedSubmap make_submap(const World& world, const std::vector<TruePose>& path
     keyframe.geometry = options.sensor.geometry;
     keyframe.ranges_mm = measure(world, pose, options);
     insert(keyframe, options, static_cast<std::int64_t>(pose.scan_index), builder);
-    submap.scans.push_back({keyframe.scan_index, keyframe.stamp_us, keyframe.pose});
     submap.keyframes.push_back(std::move(keyframe));
   }
   submap.blocks = builder.blocks();
