@@ -56,6 +56,9 @@ class SensorClock {
  public:
   explicit SensorClock(const ClockOptions& options);
 
+  // The grid that was measured (measure_usb_grid_us()), between the TM1 replies and the first scan.
+  void set_usb_grid_us(double grid_us) { options_.usb_grid_us = grid_us; }
+
   // The sensor was reset, opened again or without power: its counter began anew. The crystal's rate and the sensor's
   // delay are kept, as they are the same piece of hardware: times go on at once, with wider bounds.
   void begin_epoch();

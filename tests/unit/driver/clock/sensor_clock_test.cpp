@@ -6,7 +6,9 @@
 
 #include <cmath>
 #include <cstdint>
+#include <vector>
 
+#include "driver/clock/usb_grid.hpp"
 #include "tests/unit/driver/clock/sensor_sim.hpp"
 
 namespace submapd::driver::test {
@@ -295,6 +297,23 @@ TEST(SensorClock, ALongSilenceIsNoNewEpoch) {
   run.scan_for(kMinute_us);
   EXPECT_EQ(run.clock.epoch(), 0U);
   EXPECT_EQ(run.outside, 0);
+}
+
+TEST(UsbGrid, IsReadFromTheArrivalsOfReplies) {
+  for (const double grid_us : {125.0, 1000.0}) {
+    for (std::uint32_t seed = 1; seed <= 20; ++seed) {
+      SimOptions options;
+      options.grid_us = grid_us;
+      SensorSim sim(options, seed);
+      std::vector<std::int64_t> received_ns;
+      for (int i = 0; i < 150; ++i) {
+        received_ns.push_back(sim.ask_time().received_ns);
+        sim.rest(sim.uniform(0.0, 38e3));
+      }
+      EXPECT_EQ(measure_usb_grid_us(received_ns), grid_us) << "seed " << seed;
+      EXPECT_EQ(measure_usb_grid_us(std::span(received_ns).first(19)), 1000.0);
+    }
+  }
 }
 
 // A crystal that breaks the promise (5 ppm in a second): bounds are begun anew and the break is counted.
