@@ -8,6 +8,7 @@
 #include <Eigen/Cholesky>
 #include <array>
 #include <cmath>
+#include <memory>
 
 #include "slam/graph/internal/cost_functions.hpp"
 #include "slam/graph/internal/uncertain_pose.hpp"
@@ -19,6 +20,9 @@ namespace {
 // ordering of the whole finds them, and Schur's bookkeeping costs more than it saves.
 constexpr std::size_t kDensePoses = 8;
 constexpr std::size_t kDensePoints = 24;
+constexpr std::size_t kDirectRows = 10'000;  // of landmarks: more would make the factor the largest user of memory
+constexpr int kConjugateGradientSteps = 100;
+constexpr double kConjugateGradientAccuracy = 0.1;
 
 template <typename Matrix>
 std::optional<Matrix> whiten(const Matrix& covariance, double scale) {
@@ -36,7 +40,7 @@ double robust_half_cost(double squared, double scale) {
 
 ceres::LinearSolverType linear_solver(const LeastSquaresGraph& graph) {
   if (graph.poses.size() <= kDensePoses && graph.points.size() <= kDensePoints) return ceres::DENSE_NORMAL_CHOLESKY;
-  return ceres::SPARSE_NORMAL_CHOLESKY;
+  return graph.point_rows.size() > kDirectRows ? ceres::ITERATIVE_SCHUR : ceres::SPARSE_NORMAL_CHOLESKY;
 }
 
 // Ceres reports every refused step through glog, which writes to stderr unless told not to; what matters is in the
@@ -100,6 +104,15 @@ Expected<SolveSummary> solve(LeastSquaresGraph& graph, const SolveOptions& optio
 
   ceres::Solver::Options solver;
   solver.linear_solver_type = linear_solver(graph);
+  if (solver.linear_solver_type == ceres::ITERATIVE_SCHUR) {
+    solver.preconditioner_type = ceres::SCHUR_JACOBI;
+    solver.max_linear_solver_iterations = kConjugateGradientSteps;
+    solver.eta = kConjugateGradientAccuracy;
+    auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+    for (auto& point : points) ordering->AddElementToGroup(point.data(), 0);
+    for (auto& pose : poses) ordering->AddElementToGroup(pose.data(), 1);
+    solver.linear_solver_ordering = ordering;
+  }
   solver.max_num_iterations = options.max_iterations;
   solver.num_threads = 1;
   solver.logging_type = ceres::SILENT;
