@@ -78,6 +78,7 @@ std::int64_t SimSensor::tick_ns() const {
 
 void SimSensor::receive(std::int64_t now_ns, std::span<const std::uint8_t> bytes) {
   run_until(now_ns);
+  finish_boot(now_ns);
   if (state_ == State::kBooting || now_ns < silent_until_ns_ || now_ns < away_until_ns_) {
     return;
   }
@@ -144,11 +145,15 @@ void SimSensor::run_until(std::int64_t now_ns) {
   }
 }
 
-void SimSensor::tick() {
-  const std::int64_t now_ns = tick_ns();
+void SimSensor::finish_boot(std::int64_t now_ns) {
   if (state_ == State::kBooting && now_ns >= powered_ns_ + options_.boot_ns) {
     state_ = State::kIdle;
   }
+}
+
+void SimSensor::tick() {
+  const std::int64_t now_ns = tick_ns();
+  finish_boot(now_ns);
   const std::int64_t powered_before_ns = powered_ns_;
   if (state_ == State::kStreaming) {
     stream_turn(now_ns);

@@ -126,6 +126,7 @@ class SimSensor {
 
   void run_until(std::int64_t now_ns);
   void tick();
+  void finish_boot(std::int64_t now_ns);
   void restart(std::int64_t now_ns, std::int64_t dark_ns);
   [[nodiscard]] std::int64_t step0_ns(std::uint64_t rotation) const;
   [[nodiscard]] std::int64_t tick_ns() const;
