@@ -10,6 +10,7 @@ int main(int argc, char** argv) {
     app.require_subcommand(1);
     submapd::tools::CommandRun run;
     submapd::tools::register_replay(app, run);
+    submapd::tools::register_scip_decode(app, run);
     submapd::tools::register_simulate(app, run);
     try {
       app.parse(argc, argv);
