@@ -7,7 +7,7 @@
 #include <string>
 #include <utility>
 
-#include "driver/sim/reply_text.hpp"
+#include "driver/scip/encode.hpp"
 #include "driver/sim/sim_sensor.hpp"
 
 namespace submapd::driver {
@@ -78,11 +78,15 @@ void SimSensor::execute(const Command& command, std::int64_t now_ns) {
   if (status.empty()) {
     status = scip2 ? "0E" : status_of(name, arguments, now_ns);
   }
-  std::string reply_text = command.text + '\n' + reply::line(status);
-  if (status == "00") {
-    reply_text += body_of(words, now_ns);
+  std::string reply;
+  if (words == "TM1" && status == "00") {
+    scip::append_time(reply, command.text, device_ms(now_ns));
+  } else if (asks && status == "00") {
+    append_parameters(reply, command.text, now_ns);
+  } else {
+    scip::append_status(reply, command.text, status);
   }
-  send(reply_text + '\n', now_ns);
+  send(reply, now_ns);
   if (name == "RB" && status == "00") {
     restart(now_ns, 0);
   }
@@ -196,33 +200,39 @@ std::string SimSensor::status_of(const std::string& name, const std::string& arg
   return "0E";
 }
 
-std::string SimSensor::body_of(const std::string& name, std::int64_t now_ns) const {
-  using reply::parameter;
-  if (name == "VV") {
-    return parameter("VEND", "Hokuyo Automatic Co.,Ltd.") + parameter("PROD", options_.product) +
-           parameter("FIRM", options_.firmware) + parameter("PROT", "SCIP 2.0") + parameter("SERI", options_.serial);
-  }
-  if (name == "PP") {
-    return parameter("MODL", options_.model) + parameter("DMIN", "23") + parameter("DMAX", "60000") +
-           parameter("ARES", "1440") + parameter("AMIN", "0") + parameter("AMAX", "1080") + parameter("AFRT", "540") +
-           parameter("SCAN", "2400");
-  }
-  if (name == "II") {
+void SimSensor::append_parameters(std::string& reply, const std::string& echo, std::int64_t now_ns) const {
+  if (echo.starts_with("VV")) {
+    scip::append_parameters(reply, echo,
+                            {{{"VEND", "Hokuyo Automatic Co.,Ltd."},
+                              {"PROD", options_.product},
+                              {"FIRM", options_.firmware},
+                              {"PROT", "SCIP 2.0"},
+                              {"SERI", options_.serial}}});
+  } else if (echo.starts_with("PP")) {
+    scip::append_parameters(reply, echo,
+                            {{{"MODL", options_.model},
+                              {"DMIN", "23"},
+                              {"DMAX", "60000"},
+                              {"ARES", "1440"},
+                              {"AMIN", "0"},
+                              {"AMAX", "1080"},
+                              {"AFRT", "540"},
+                              {"SCAN", "2400"}}});
+  } else {
     const bool on = state_ == State::kLaserOn || state_ == State::kStreaming;
     const char* const state = abnormal_  ? "Abnormal"
                               : trouble_ ? "Trouble!! Error No. =[00->33]"
                                          : "Sensor works well.";
-    return parameter("MODL", options_.model) + parameter("LASR", on ? "ON" : "OFF") +
-           parameter("SCSP", "Initial(2400[rpm])<-Default setting by user") +
-           parameter("MESM", on ? "CLASSIC" : "IDLE") + parameter("SBPS", "USB Full Speed") +
-           parameter("TIME", fmt::format("{:06X}", device_ms(now_ns))) + parameter("STAT", state);
+    const std::string time = fmt::format("{:06X}", device_ms(now_ns));
+    scip::append_parameters(reply, echo,
+                            {{{"MODL", options_.model},
+                              {"LASR", on ? "ON" : "OFF"},
+                              {"SCSP", "Initial(2400[rpm])<-Default setting by user"},
+                              {"MESM", on ? "CLASSIC" : "IDLE"},
+                              {"SBPS", "USB Full Speed"},
+                              {"TIME", time},
+                              {"STAT", state}}});
   }
-  if (name == "TM1") {
-    std::string time;
-    reply::append_number(time, device_ms(now_ns), 4);
-    return reply::line(time);
-  }
-  return "";
 }
 
 // MDsssseeeeccinn or GDsssseeeecc: fills `stream` and gives 00, or the status that refuses it.

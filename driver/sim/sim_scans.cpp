@@ -5,7 +5,7 @@
 #include <array>
 #include <utility>
 
-#include "driver/sim/reply_text.hpp"
+#include "driver/scip/encode.hpp"
 #include "driver/sim/sim_sensor.hpp"
 
 namespace submapd::driver {
@@ -74,31 +74,13 @@ bool SimSensor::stream_trouble(std::int64_t now_ns) {
     return false;
   }
   const std::string echo = fmt::format("{}{:02d}{}", stream_.head, stream_.remaining, stream_.suffix);
-  send(echo + '\n' + reply::line(status) + '\n', now_ns);
+  std::string reply;
+  scip::append_status(reply, echo, status);
+  send(reply, now_ns);
   if (ends) {
     state_ = State::kIdle;
   }
   return true;
-}
-
-std::string SimSensor::scan_body(const Stream& stream, SimScanTruth& truth) {
-  source_->measure(rotation_, truth.first_beam_ns, range_mm_, intensity_);
-  const int width = stream.kind == 'S' ? 2 : 3;
-  const std::uint32_t most = stream.kind == 'S' ? 4095 : 262143;
-  std::vector<std::uint32_t> sent;
-  std::string data;
-  for (int step = stream.first; step <= stream.last; step += stream.cluster) {
-    const int count = std::min(stream.cluster, stream.last - step + 1);
-    const std::span<const std::uint32_t> cluster(range_mm_.data() + step, static_cast<std::size_t>(count));
-    const std::size_t best = nearest(cluster);
-    sent.push_back(std::min(cluster[best], most));
-    reply::append_number(data, sent.back(), width);
-    if (stream.kind == 'E') {
-      reply::append_number(data, intensity_[static_cast<std::size_t>(step) + best], 3);
-    }
-  }
-  truth.ranges_hash = hash_ranges(sent);
-  return reply::blocks(data);
 }
 
 void SimSensor::send_scan(const std::string& echo, const char* status, const Stream& stream, std::int64_t now_ns) {
@@ -107,10 +89,29 @@ void SimSensor::send_scan(const std::string& echo, const char* status, const Str
   truth.epoch = epoch_;
   truth.first_beam_ns = step0_ns(rotation_);
   truth.stamp_ms = device_ms(truth.first_beam_ns - options_.stamp_to_step0_ns);
-  std::string text = echo + '\n' + reply::line(status);
-  std::string time;
-  reply::append_number(time, truth.stamp_ms, 4);
-  text += reply::line(time) + scan_body(stream, truth) + '\n';
+  source_->measure(rotation_, truth.first_beam_ns, range_mm_, intensity_);
+  const std::uint32_t most = stream.kind == 'S' ? 4095 : 262143;
+  std::vector<std::uint32_t> ranges_mm;
+  std::vector<std::uint32_t> intensities;
+  for (int step = stream.first; step <= stream.last; step += stream.cluster) {
+    const int count = std::min(stream.cluster, stream.last - step + 1);
+    const std::span<const std::uint32_t> cluster(range_mm_.data() + step, static_cast<std::size_t>(count));
+    const std::size_t best = nearest(cluster);
+    ranges_mm.push_back(std::min(cluster[best], most));
+    if (stream.kind == 'E') {
+      intensities.push_back(intensity_[static_cast<std::size_t>(step) + best]);
+    }
+  }
+  truth.ranges_hash = hash_ranges(ranges_mm);
+  scip::ScanFrame scan;
+  scan.echo = echo;
+  scan.status = status;
+  scan.time = truth.stamp_ms;
+  scan.value_characters = stream.kind == 'S' ? 2 : 3;
+  scan.ranges_mm = ranges_mm;
+  scan.intensities = intensities;
+  std::string text;
+  scip::append_scan(text, scan);
   std::vector<std::uint8_t> frame(text.begin(), text.end());
   truth.sent = now_ns >= silent_until_ns_ && now_ns >= away_until_ns_;
   apply_faults(frame, truth, now_ns);

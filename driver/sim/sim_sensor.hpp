@@ -136,7 +136,7 @@ class SimSensor {
   void execute_scip11(const std::string& text, std::int64_t now_ns);
   [[nodiscard]] std::string status_of(const std::string& name, const std::string& arguments, std::int64_t now_ns);
   [[nodiscard]] std::string start_stream(const std::string& text, const std::string& suffix, Stream& stream) const;
-  [[nodiscard]] std::string body_of(const std::string& name, std::int64_t now_ns) const;
+  void append_parameters(std::string& reply, const std::string& echo, std::int64_t now_ns) const;
   [[nodiscard]] bool heard_through_hang(const std::string& name);
   [[nodiscard]] std::string time_mode_status(const std::string& name);
 
@@ -144,7 +144,6 @@ class SimSensor {
   void stream_turn(std::int64_t now_ns);
   [[nodiscard]] bool stream_trouble(std::int64_t now_ns);
   void send_scan(const std::string& echo, const char* status, const Stream& stream, std::int64_t now_ns);
-  [[nodiscard]] std::string scan_body(const Stream& stream, SimScanTruth& truth);
   void apply_faults(std::vector<std::uint8_t>& frame, SimScanTruth& truth, std::int64_t now_ns);
   void begin_fault(const SimFault& fault, SimScanTruth& truth, std::int64_t now_ns);
   void note(SimFaultKind kind, SimScanTruth& truth);
