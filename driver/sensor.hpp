@@ -68,6 +68,8 @@ class SensorSink {
   virtual void on_time(const TimeSample& sample) noexcept = 0;
   // The sensor's clock starts anew: RS was sent, or the line was closed in between.
   virtual void on_new_clock() noexcept = 0;
+  // True if its clock was measured since this program started: the stream need not wait for that.
+  [[nodiscard]] virtual bool knows_clock() const noexcept = 0;
 
  protected:
   ~SensorSink() = default;
@@ -75,16 +77,15 @@ class SensorSink {
 
 struct SensorAssignment {
   SensorSink* sink = nullptr;
-  bool measure_clock = true;  // false: its clock is known from before, the stream starts at once
-  bool intensity = false;     // ME in place of MD
+  bool intensity = false;  // ME in place of MD
 };
 
 class SensorOwner {
  public:
   // Who is this? The error's message becomes the sensor's words.
   virtual Result<SensorAssignment> assign(const SensorIdentity& identity) = 0;
-  // The state or the words changed. The reference is valid during the call.
-  virtual void on_status(const SensorStatus& status) = 0;
+  // The state or the words changed. The reference is valid during the call. May be called from within on_bytes().
+  virtual void on_status(const SensorStatus& status) noexcept = 0;
 
  protected:
   ~SensorOwner() = default;
@@ -194,7 +195,6 @@ class Sensor final : public LinkClient, private scip::Listener {
 
   SensorStatus status_;
   std::optional<SensorAssignment> assignment_;
-  bool clock_measured_ = false;
   bool scip11_ = false;   // it spoke SCIP 1.1 and was switched
   bool silent_ = false;   // nothing was heard through a whole start-up
   int first_step_ = 0;    // AMIN

@@ -261,12 +261,10 @@ void Sensor::after_health() {
       return enter(Step::kIdle, now_ns_);
     }
     assignment_ = *assignment;
-    clock_measured_ = !assignment_->measure_clock;
   }
-  if (clock_measured_) {
+  if (assignment_->sink->knows_clock()) {
     return enter(Step::kLaser, now_ns_);
   }
-  clock_measured_ = true;
   samples_left_ = options_.first_samples;
   tell(SensorState::kSyncing, "");
   enter(samples_left_ > 0 ? Step::kTimeOn : Step::kLaser, now_ns_);

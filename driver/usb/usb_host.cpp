@@ -248,6 +248,7 @@ void UsbHost::Impl::run() {
       libusb_unref_device(port->device);
       return true;
     });
+    clients_.served();
     if (stop_ && ports_.empty()) {
       return;
     }

@@ -61,6 +61,8 @@ class UsbClients {
   virtual void cannot_open(const UsbPort& port, const Error& error) = 0;
   // Unplugged; on_close() was called before if the line was open.
   virtual void gone(const UsbPort& port, LinkClient* client, const UsbCounters& counters) = 0;
+  // After each round of events, outside of any completion.
+  virtual void served() noexcept = 0;
 
  protected:
   ~UsbClients() = default;

@@ -164,6 +164,8 @@ class UsbRig : public UsbClients {
   std::vector<UsbCounters> counters;  // of lines that are gone
   std::map<std::string, std::vector<SimScanTruth>> truth;
   std::int64_t reset_after_ns = 0;
+  void served() noexcept override {}
+
   tools::UmockdevFront front;  // after what its scanners write to
 
  private:

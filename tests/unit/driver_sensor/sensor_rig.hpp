@@ -101,7 +101,7 @@ class SensorRig : private ByteLink, private SensorOwner, private SensorSink {
   int new_clocks = 0;
   int usb_resets = 0;
   bool intensity = false;
-  bool measure_clock = true;
+  bool clock_known = false;
   std::optional<Error> refusal;
   SimSensor sim;
   Sensor sensor;
@@ -161,9 +161,9 @@ class SensorRig : private ByteLink, private SensorOwner, private SensorSink {
     if (refusal) {
       return tl::unexpected(*refusal);
     }
-    return SensorAssignment{this, measure_clock, intensity};
+    return SensorAssignment{this, intensity};
   }
-  void on_status(const SensorStatus& status) override { states.emplace_back(status.state, status.words); }
+  void on_status(const SensorStatus& status) noexcept override { states.emplace_back(status.state, status.words); }
 
   void on_scan(const scip::ScanData& scan) noexcept override {
     scans.push_back(
@@ -172,6 +172,7 @@ class SensorRig : private ByteLink, private SensorOwner, private SensorSink {
   void on_damaged_scan() noexcept override { ++damaged; }
   void on_time(const TimeSample& sample) noexcept override { samples.push_back(sample); }
   void on_new_clock() noexcept override { ++new_clocks; }
+  bool knows_clock() const noexcept override { return clock_known || !samples.empty(); }
 
   bool open_ = false;
   bool reset_asked_ = false;

@@ -74,7 +74,7 @@ TEST(SensorStart, MeasuresTheClockOnceBeforeTheFirstStream) {
 
 TEST(SensorStart, AKnownClockIsNotMeasuredAgain) {
   SensorRig rig({}, SensorOptions{});
-  rig.measure_clock = false;
+  rig.clock_known = true;
   rig.run(2.0);
   rig.plug_in();
   ASSERT_TRUE(rig.run_until_streaming(1.0));
