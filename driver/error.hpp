@@ -1,4 +1,4 @@
-// Why a call of the driver failed: what kind of trouble, and words for a person.
+// What went wrong in the driver, as a value: for calls off the path of the bytes, which may allocate a message.
 #pragma once
 
 #include <cstdint>
@@ -9,22 +9,25 @@
 namespace submapd::driver {
 
 enum class ErrorCode : std::uint8_t {
-  kInvalidArgument,  // the caller's or the user's input is wrong
+  kInvalidArgument,  // the caller's
   kNotFound,         // no such device
-  kNoPermission,     // the system does not let us
-  kBusy,             // somebody else has it
-  kUnsupported,      // the device or the system cannot do that
-  kIo,               // the system or the device refused: the message has its reason
+  kBusy,             // another program holds the device
+  kAccess,           // the permission is missing
+  kDisconnected,     // the device went away
+  kTimeout,          // the device does not answer
+  kProtocol,         // it answers what it should not
+  kSystem,           // the operating system refused: the message has its reason
 };
 
 struct Error {
-  ErrorCode code = ErrorCode::kIo;
-  std::string message;  // what, where, and what to do about it
+  ErrorCode code = ErrorCode::kSystem;
+  std::string message;  // what, where, and what to do
 };
 
 template <typename T>
-using Result = tl::expected<T, Error>;
+using Expected = tl::expected<T, Error>;
 
+// An Expected<T> in its error state: `return failure(ErrorCode::kTimeout, "...")`.
 [[nodiscard]] inline tl::unexpected<Error> failure(ErrorCode code, std::string message) {
   return tl::unexpected<Error>(Error{code, std::move(message)});
 }

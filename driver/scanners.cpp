@@ -13,7 +13,7 @@ class Scanners::Scanner final : public SensorOwner {
   Scanner& operator=(const Scanner&) = delete;
   ~Scanner() = default;
 
-  Result<SensorAssignment> assign(const SensorIdentity& identity) override { return all_.assign(*this, identity); }
+  Expected<SensorAssignment> assign(const SensorIdentity& identity) override { return all_.assign(*this, identity); }
   void on_status(const SensorStatus& /*status*/) noexcept override {
     dirty = true;
     all_.changed_ = true;
@@ -36,7 +36,7 @@ Scanners::Scanners(ScannersOptions options, std::array<SensorSink*, kSensorRoles
     : options_(std::move(options)), sinks_(sinks) {}
 Scanners::~Scanners() = default;
 
-Result<SensorAssignment> Scanners::assign(Scanner& scanner, const SensorIdentity& identity) {
+Expected<SensorAssignment> Scanners::assign(Scanner& scanner, const SensorIdentity& identity) {
   scanner.serial = identity.serial;
   std::vector<std::string> present;
   for (const auto& other : scanners_) {
@@ -44,7 +44,7 @@ Result<SensorAssignment> Scanners::assign(Scanner& scanner, const SensorIdentity
       present.push_back(other->serial);
     }
   }
-  const Result<SensorRole> role = find_role(options_.roles, identity, present);
+  const Expected<SensorRole> role = find_role(options_.roles, identity, present);
   if (!role) {
     return tl::unexpected(role.error());
   }

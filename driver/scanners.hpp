@@ -51,7 +51,7 @@ class Scanners final : public UsbClients {
 
  private:
   class Scanner;
-  [[nodiscard]] Result<SensorAssignment> assign(Scanner& scanner, const SensorIdentity& identity);
+  [[nodiscard]] Expected<SensorAssignment> assign(Scanner& scanner, const SensorIdentity& identity);
 
   ScannersOptions options_;
   std::array<SensorSink*, kSensorRoles> sinks_;

@@ -83,7 +83,7 @@ struct SensorAssignment {
 class SensorOwner {
  public:
   // Who is this? The error's message becomes the sensor's words.
-  virtual Result<SensorAssignment> assign(const SensorIdentity& identity) = 0;
+  virtual Expected<SensorAssignment> assign(const SensorIdentity& identity) = 0;
   // The state or the words changed. The reference is valid during the call. May be called from within on_bytes().
   virtual void on_status(const SensorStatus& status) noexcept = 0;
 

@@ -27,8 +27,8 @@ bool same_serial(std::string_view a, std::string_view b) {
                     without_first(a).size() == a.size() - 1 && without_first(b).size() == b.size() - 1);
 }
 
-Result<SensorRole> find_role(const RoleRules& rules, const SensorIdentity& sensor,
-                             std::span<const std::string> present) {
+Expected<SensorRole> find_role(const RoleRules& rules, const SensorIdentity& sensor,
+                               std::span<const std::string> present) {
   std::optional<SensorRole> found;
   // A serial number anywhere beats a port: it is the scanner itself and not where somebody plugged it in.
   for (const bool by_serial : {true, false}) {

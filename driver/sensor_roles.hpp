@@ -40,7 +40,7 @@ struct SensorIdentity {
 
 // The role of a scanner. kNotFound if the rules do not name it, kInvalidArgument if they give it two roles; the message
 // says which command settles it. `present`: all scanners that are plugged in, to name them in that message.
-[[nodiscard]] Result<SensorRole> find_role(const RoleRules& rules, const SensorIdentity& sensor,
-                                           std::span<const std::string> present);
+[[nodiscard]] Expected<SensorRole> find_role(const RoleRules& rules, const SensorIdentity& sensor,
+                                             std::span<const std::string> present);
 
 }  // namespace submapd::driver

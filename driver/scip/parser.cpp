@@ -203,15 +203,21 @@ void Parser::on_time_line(std::string_view line, Listener& listener) noexcept {
   if (!check.sum) return bad(FaultClass::kBadSum);
   time_ = decode(line.substr(0, line.size() - 1));
   ++lines_;
-  state_ = carries_scan() ? State::kData : State::kNoBody;
+  if (!carries_scan()) {
+    state_ = State::kNoBody;
+    return;
+  }
+  state_ = State::kData;
+  const ScanRequest& request = command_.request();
+  most_data_ = request.multi_echo() ? kMaxData : request.beams() * request.echo_characters();
 }
 
 void Parser::on_data_line(std::string_view line, Listener& listener) noexcept {
-  const ScanRequest& request = command_.request();
+  const bool separators = command_.request().multi_echo();
   const auto bad = [&](FaultClass fault, std::uint32_t at) { fail(fault, FaultPlace::kData, at, listener); };
   const bool length = line.size() >= 2 && line.size() <= kBlock + 1;
   LineCheck check;
-  if (length) check = request.multi_echo() ? check_coded_or_separator(line) : check_coded(line);
+  if (length) check = separators ? check_coded_or_separator(line) : check_coded(line);
   if (!length || !check.characters || !check.sum) {
     // An echo in place of data: the sensor began anew, or the blank line was lost.
     if (reopen(line, listener)) return;
@@ -220,8 +226,7 @@ void Parser::on_data_line(std::string_view line, Listener& listener) noexcept {
   }
   if (short_line_) return bad(FaultClass::kBadLine, lines_ - 1);
   const std::size_t size = line.size() - 1;
-  const std::size_t most = request.multi_echo() ? kMaxData : request.beams() * request.echo_characters();
-  if (data_size_ + size > most) return bad(FaultClass::kBadCount, lines_);
+  if (data_size_ + size > most_data_) return bad(FaultClass::kBadCount, lines_);
   std::memcpy(data_.data() + data_size_, line.data(), size);
   data_size_ += size;
   short_line_ = size < kBlock;
@@ -340,18 +345,19 @@ void Parser::close() noexcept {
 // False if the number of characters is not that of the echo's beams.
 bool Parser::decode_single() noexcept {
   const ScanRequest& request = command_.request();
-  value_count_ = request.beams();
-  if (data_size_ != value_count_ * request.echo_characters()) return false;
+  const std::size_t beams = request.beams();
+  if (data_size_ != beams * request.echo_characters()) return false;
+  value_count_ = beams;
   const char* p = data_.data();
   if (request.intensities()) {
-    for (std::size_t i = 0; i < value_count_; ++i, p += 6) {
+    for (std::size_t i = 0; i < beams; ++i, p += 6) {
       ranges_mm_[i] = decode3(p);
       intensities_[i] = decode3(p + 3);
     }
   } else if (request.range_characters() == 3) {
-    for (std::size_t i = 0; i < value_count_; ++i, p += 3) ranges_mm_[i] = decode3(p);
+    for (std::size_t i = 0; i < beams; ++i, p += 3) ranges_mm_[i] = decode3(p);
   } else {
-    for (std::size_t i = 0; i < value_count_; ++i, p += 2) ranges_mm_[i] = decode2(p);
+    for (std::size_t i = 0; i < beams; ++i, p += 2) ranges_mm_[i] = decode2(p);
   }
   return true;
 }

@@ -85,6 +85,7 @@ class Parser {
   std::uint64_t time_ = 0;
   bool short_line_ = false;  // the last data line was not full: no other may follow
   std::size_t data_size_ = 0;
+  std::size_t most_data_ = 0;  // characters that the echo's beams can fill
   std::size_t parameter_count_ = 0;
   std::size_t parameter_text_size_ = 0;
 

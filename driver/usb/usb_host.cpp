@@ -38,7 +38,7 @@ class UsbHost::Impl {
   Impl& operator=(const Impl&) = delete;
   ~Impl();
 
-  [[nodiscard]] Result<void> start();
+  [[nodiscard]] Expected<void> start();
   void run();
   void stop() {
     stop_ = true;
@@ -94,20 +94,20 @@ UsbHost::Impl::~Impl() {
   }
 }
 
-Result<void> UsbHost::Impl::start() {
+Expected<void> UsbHost::Impl::start() {
   if (const int code = libusb_init(&context_); code != 0) {
-    return failure(ErrorCode::kIo,
+    return failure(ErrorCode::kSystem,
                    std::string("cannot start libusb: ") + libusb_strerror(static_cast<libusb_error>(code)));
   }
   if (libusb_has_capability(LIBUSB_CAP_HAS_HOTPLUG) == 0) {
-    return failure(ErrorCode::kUnsupported, "this libusb cannot tell of devices that come and go (hotplug)");
+    return failure(ErrorCode::kSystem, "this libusb cannot tell of devices that come and go (hotplug)");
   }
   resets_ = std::make_unique<ResetWorker>(context_);
   const int code = libusb_hotplug_register_callback(
       context_, LIBUSB_HOTPLUG_EVENT_DEVICE_ARRIVED | LIBUSB_HOTPLUG_EVENT_DEVICE_LEFT, LIBUSB_HOTPLUG_ENUMERATE,
       LIBUSB_HOTPLUG_MATCH_ANY, LIBUSB_HOTPLUG_MATCH_ANY, LIBUSB_HOTPLUG_MATCH_ANY, &Impl::on_hotplug, this, &hotplug_);
   if (code != 0) {
-    return failure(ErrorCode::kIo,
+    return failure(ErrorCode::kSystem,
                    std::string("cannot listen for USB devices: ") + libusb_strerror(static_cast<libusb_error>(code)));
   }
   return {};
@@ -259,7 +259,7 @@ void UsbHost::Impl::run() {
 UsbHost::UsbHost(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 UsbHost::~UsbHost() = default;
 
-Result<std::unique_ptr<UsbHost>> UsbHost::create(UsbOptions options, UsbClients& clients) {
+Expected<std::unique_ptr<UsbHost>> UsbHost::create(UsbOptions options, UsbClients& clients) {
   auto impl = std::make_unique<Impl>(std::move(options), clients);
   if (auto started = impl->start(); !started) {
     return tl::unexpected(std::move(started.error()));

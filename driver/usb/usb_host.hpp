@@ -70,9 +70,9 @@ class UsbClients {
 
 class UsbHost {
  public:
-  // Starts to listen for devices. kUnsupported if this system's libusb has no hotplug, kIo with libusb's reason.
+  // Starts to listen for devices. kSystem if this system's libusb has no hotplug, or with libusb's reason.
   // REQUIRES: clients outlives the host.
-  [[nodiscard]] static Result<std::unique_ptr<UsbHost>> create(UsbOptions options, UsbClients& clients);
+  [[nodiscard]] static Expected<std::unique_ptr<UsbHost>> create(UsbOptions options, UsbClients& clients);
   UsbHost(const UsbHost&) = delete;
   UsbHost& operator=(const UsbHost&) = delete;
   // REQUIRES: run() is not running.

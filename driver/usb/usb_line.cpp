@@ -22,13 +22,13 @@ std::string reason(int code) {
 
 Error open_error(int code) {
   if (code == LIBUSB_ERROR_ACCESS) {
-    return {ErrorCode::kNoPermission,
+    return {ErrorCode::kAccess,
             "no permission to open the device; is the udev rule of submapd installed, and this user in its group?"};
   }
   if (code == LIBUSB_ERROR_BUSY) {
     return {ErrorCode::kBusy, "another program has the device; end it"};
   }
-  return {ErrorCode::kIo, "cannot open the device: " + reason(code)};
+  return {ErrorCode::kSystem, "cannot open the device: " + reason(code)};
 }
 
 }  // namespace
@@ -62,8 +62,8 @@ UsbLine::~UsbLine() {
   libusb_close(handle_);
 }
 
-Result<std::unique_ptr<UsbLine>> UsbLine::open(libusb_device* device, const UsbOptions& options, LinkClient& client,
-                                               UsbCounters& counters) {
+Expected<std::unique_ptr<UsbLine>> UsbLine::open(libusb_device* device, const UsbOptions& options, LinkClient& client,
+                                                 UsbCounters& counters) {
   libusb_device_handle* handle = nullptr;
   if (const int code = libusb_open(device, &handle); code != 0) {
     return tl::unexpected(open_error(code));
@@ -80,15 +80,15 @@ Result<std::unique_ptr<UsbLine>> UsbLine::open(libusb_device* device, const UsbO
   return line;
 }
 
-Result<void> UsbLine::claim(libusb_device* device) {
+Expected<void> UsbLine::claim(libusb_device* device) {
   libusb_config_descriptor* config = nullptr;
   if (const int code = libusb_get_active_config_descriptor(device, &config); code != 0) {
-    return failure(ErrorCode::kIo, "cannot read the device's descriptors: " + reason(code));
+    return failure(ErrorCode::kSystem, "cannot read the device's descriptors: " + reason(code));
   }
   const auto layout = find_serial_line(*config);
   libusb_free_config_descriptor(config);
   if (!layout) {
-    return failure(ErrorCode::kUnsupported, "the device has no serial line (CDC-ACM): not a scanner we can speak with");
+    return failure(ErrorCode::kProtocol, "the device has no serial line (CDC-ACM): not a scanner we can speak with");
   }
   layout_ = *layout;
   libusb_set_auto_detach_kernel_driver(handle_, 1);
@@ -100,7 +100,7 @@ Result<void> UsbLine::claim(libusb_device* device) {
   return {};
 }
 
-Result<void> UsbLine::prepare() {
+Expected<void> UsbLine::prepare() {
   for (libusb_transfer*& transfer : reads_) {
     transfer = libusb_alloc_transfer(0);
   }
@@ -112,7 +112,7 @@ Result<void> UsbLine::prepare() {
   const auto missing = [](const libusb_transfer* transfer) { return transfer == nullptr; };
   if (std::any_of(reads_.begin(), reads_.end(), missing) || missing(control_) || missing(interrupt_) ||
       std::any_of(writes_.begin(), writes_.end(), [](const Write& write) { return write.transfer == nullptr; })) {
-    return failure(ErrorCode::kIo, "no memory for USB transfers");
+    return failure(ErrorCode::kSystem, "no memory for USB transfers");
   }
   for (std::size_t i = 0; i < reads_.size(); ++i) {
     libusb_fill_bulk_transfer(reads_[i], handle_, layout_.bulk_in, buffer_.data() + i * transfer_bytes_,

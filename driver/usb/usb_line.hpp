@@ -31,8 +31,8 @@ class UsbLine final : public ByteLink {
   };
 
   // Opens the device, takes both interfaces from the kernel's driver and submits the first transfers.
-  [[nodiscard]] static Result<std::unique_ptr<UsbLine>> open(libusb_device* device, const UsbOptions& options,
-                                                             LinkClient& client, UsbCounters& counters);
+  [[nodiscard]] static Expected<std::unique_ptr<UsbLine>> open(libusb_device* device, const UsbOptions& options,
+                                                               LinkClient& client, UsbCounters& counters);
   UsbLine(const UsbLine&) = delete;
   UsbLine& operator=(const UsbLine&) = delete;
   // REQUIRES: done().
@@ -64,8 +64,8 @@ class UsbLine final : public ByteLink {
   };
 
   UsbLine(libusb_device_handle* handle, const UsbOptions& options, LinkClient& client, UsbCounters& counters);
-  [[nodiscard]] Result<void> claim(libusb_device* device);
-  [[nodiscard]] Result<void> prepare();
+  [[nodiscard]] Expected<void> claim(libusb_device* device);
+  [[nodiscard]] Expected<void> prepare();
   void submit_reads() noexcept;
   void submit_control(std::uint8_t request, std::uint16_t value, std::span<const std::uint8_t> data) noexcept;
   [[nodiscard]] bool submit(libusb_transfer* transfer) noexcept;

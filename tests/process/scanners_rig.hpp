@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <chrono>
 #include <condition_variable>
@@ -10,7 +11,6 @@
 #include <map>
 #include <memory>
 #include <mutex>
-#include <set>
 #include <string>
 #include <thread>
 #include <utility>
@@ -61,15 +61,6 @@ class RecordingSink final : public SensorSink {
   int damaged = 0;
   int new_clocks = 0;
   bool clock_known = true;  // set before the start
-
-  // Longest time between two scans, in s.
-  [[nodiscard]] double longest_gap_s() const {
-    std::int64_t longest_ns = 0;
-    for (std::size_t i = 1; i < scans.size(); ++i) {
-      longest_ns = std::max(longest_ns, scans[i].last_byte_ns - scans[i - 1].last_byte_ns);
-    }
-    return static_cast<double>(longest_ns) * 1e-9;
-  }
 
  private:
   std::mutex& mutex_;
@@ -141,16 +132,30 @@ class ScannersRig {
     }
     return false;
   }
-  // Scans that say other than what was measured. REQUIRES: stopped.
-  [[nodiscard]] std::size_t false_scans(std::size_t index) const {
-    std::set<std::pair<std::uint32_t, std::uint64_t>> true_ones;
+  // What is wrong with the scans that came. REQUIRES: stopped.
+  struct Verdict {
+    std::size_t false_scans = 0;  // say other than what was measured
+    double longest_gap_s = 0.0;   // of true time between the first beams of two scans that came one after the other
+  };
+  [[nodiscard]] Verdict verdict(std::size_t index) const {
+    std::map<std::pair<std::uint32_t, std::uint64_t>, std::int64_t> true_ones;
     for (const SimScanTruth& scan : truth[index]) {
-      true_ones.emplace(scan.stamp_ms, scan.ranges_hash);
+      true_ones.emplace(std::pair(scan.stamp_ms, scan.ranges_hash), scan.first_beam_ns);
     }
-    return static_cast<std::size_t>(
-        std::count_if(sinks[index].scans.begin(), sinks[index].scans.end(), [&](const ReceivedScan& scan) {
-          return !true_ones.contains({scan.stamp_ms, scan.hash});
-        }));
+    Verdict verdict;
+    std::int64_t before_ns = 0;
+    for (const ReceivedScan& scan : sinks[index].scans) {
+      const auto found = true_ones.find({scan.stamp_ms, scan.hash});
+      if (found == true_ones.end()) {
+        ++verdict.false_scans;
+        continue;
+      }
+      if (before_ns > 0) {
+        verdict.longest_gap_s = std::max(verdict.longest_gap_s, 1e-9 * static_cast<double>(found->second - before_ns));
+      }
+      before_ns = found->second;
+    }
+    return verdict;
   }
 
   ScannersOptions options;

@@ -157,7 +157,7 @@ class SensorRig : private ByteLink, private SensorOwner, private SensorSink {
   }
   void reset() noexcept override { reset_asked_ = true; }
 
-  Result<SensorAssignment> assign(const SensorIdentity& /*identity*/) override {
+  Expected<SensorAssignment> assign(const SensorIdentity& /*identity*/) override {
     if (refusal) {
       return tl::unexpected(*refusal);
     }

@@ -11,7 +11,7 @@ using testing::HasSubstr;
 
 const std::vector<std::string> kPresent = {"00903971", "00900001"};
 
-Result<SensorRole> ask(const RoleRules& rules, const char* serial, const char* port) {
+Expected<SensorRole> ask(const RoleRules& rules, const char* serial, const char* port) {
   return find_role(rules, {serial, "", "", port}, kPresent);
 }
 
