@@ -36,6 +36,8 @@ class LinkClient {
 
   virtual void on_open(ByteLink& link, std::int64_t now_ns) noexcept = 0;
   virtual void on_close(std::int64_t now_ns) noexcept = 0;
+  // The program ends: what is written now is still sent. on_close() follows.
+  virtual void on_stop(std::int64_t now_ns) noexcept = 0;
   // `stamp_ns` was taken first thing when the transfer completed; `offset` counts the bytes received on this link
   // before these. The bytes are valid during the call only.
   virtual void on_bytes(std::span<const std::uint8_t> bytes, std::int64_t stamp_ns, std::uint64_t offset) noexcept = 0;

@@ -80,6 +80,15 @@ void Sensor::on_close(std::int64_t now_ns) noexcept {
   tell(SensorState::kClosed, status_.words);
 }
 
+void Sensor::on_stop(std::int64_t now_ns) noexcept {
+  now_ns_ = now_ns;
+  watching_ = false;
+  step_ = Step::kClosed;
+  deadline_ns_ = kNever_ns;
+  constexpr std::array<std::uint8_t, 3> kLaserOff = {'Q', 'T', '\n'};
+  static_cast<void>(link_->write(kLaserOff));
+}
+
 void Sensor::on_bytes(std::span<const std::uint8_t> bytes, std::int64_t stamp_ns, std::uint64_t /*offset*/) noexcept {
   // After a pause, an echo at the start of a transfer begins a new scan, whatever is missing of the one before. Without
   // this, a scan cut in the middle of a line would take its successor along, whose echo ends that line.

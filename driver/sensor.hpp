@@ -107,6 +107,7 @@ class Sensor final : public LinkClient, private scip::Listener {
 
   void on_open(ByteLink& link, std::int64_t now_ns) noexcept override;
   void on_close(std::int64_t now_ns) noexcept override;
+  void on_stop(std::int64_t now_ns) noexcept override;
   void on_bytes(std::span<const std::uint8_t> bytes, std::int64_t stamp_ns, std::uint64_t offset) noexcept override;
   void on_fault(LinkFault fault, std::int64_t now_ns) noexcept override;
   void on_time(std::int64_t now_ns) noexcept override;

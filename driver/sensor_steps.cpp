@@ -261,6 +261,9 @@ void Sensor::after_health() {
       return enter(Step::kIdle, now_ns_);
     }
     assignment_ = *assignment;
+    if (assignment_->sink->knows_clock()) {
+      assignment_->sink->on_new_clock();  // of the same scanner, which was away and may have been without power
+    }
   }
   if (assignment_->sink->knows_clock()) {
     return enter(Step::kLaser, now_ns_);

@@ -115,6 +115,7 @@ void SimSensor::send_scan(const std::string& echo, const char* status, const Str
   std::vector<std::uint8_t> frame(text.begin(), text.end());
   truth.sent = now_ns >= silent_until_ns_ && now_ns >= away_until_ns_;
   apply_faults(frame, truth, now_ns);
+  truth.sent_ns = last_due_ns_;
   scans_sent_ += truth.sent ? 1 : 0;
   if (truth_) {
     truth_(truth);

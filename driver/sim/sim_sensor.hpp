@@ -68,6 +68,7 @@ struct SimScanTruth {
   std::uint32_t stamp_ms = 0;      // as sent, 24 bits
   std::uint64_t ranges_hash = 0;   // hash_ranges() of the values sent for steps asked for, before any damage
   std::uint32_t faults = 0;        // bit SimFaultKind: what hit this scan
+  std::int64_t sent_ns = 0;        // when its last byte was there for the host, if it was sent
   bool sent = true;                // false: skipped, or nobody could hear it
 };
 

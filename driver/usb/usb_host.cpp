@@ -181,12 +181,14 @@ void UsbHost::Impl::open(Port& port, std::int64_t now_ns) {
 
 void UsbHost::Impl::serve_line(Port& port, std::int64_t now_ns) {
   UsbLine& line = *port.line;
-  if (!port.here || stop_ || line.reset_wanted()) {
+  if (!port.here || line.reset_wanted()) {
     line.close();
+  } else if (stop_) {
+    line.end(now_ns);
   }
   line.serve(now_ns);
   if (!line.done()) {
-    if (port.client->next_time_ns() <= now_ns) {
+    if (!stop_ && port.client->next_time_ns() <= now_ns) {
       port.client->on_time(now_ns);
     }
     return;
@@ -217,7 +219,7 @@ std::int64_t UsbHost::Impl::next_time_ns() const {
     const bool waits = !port->line;
     if (waits) {
       next_ns = std::min(next_ns, port->next_try_ns);
-    } else if (!port->line->done()) {
+    } else if (!port->line->done() && !stop_) {
       next_ns = std::min(next_ns, port->client->next_time_ns());
     }
   }

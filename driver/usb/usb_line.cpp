@@ -175,6 +175,16 @@ bool UsbLine::write(std::span<const std::uint8_t> bytes) noexcept {
   return free->busy;
 }
 
+void UsbLine::end(std::int64_t now_ns) noexcept {
+  if (!ending_ && state_ == State::kOpen) {
+    client_.on_stop(now_ns);
+  }
+  ending_ = true;
+  if (std::none_of(writes_.begin(), writes_.end(), [](const Write& write) { return write.busy; })) {
+    close();
+  }
+}
+
 void UsbLine::close() noexcept {
   if (state_ >= State::kClosing) {
     return;

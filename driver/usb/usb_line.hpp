@@ -41,6 +41,8 @@ class UsbLine final : public ByteLink {
   bool write(std::span<const std::uint8_t> bytes) noexcept override;
   void reset() noexcept override { reset_wanted_ = true; }
 
+  // The program ends: lets the client say goodbye, once, and closes when that is sent.
+  void end(std::int64_t now_ns) noexcept;
   // Starts to close: cancels all transfers. Idempotent.
   void close() noexcept;
   // What may not be done in a completion: clears a halt, submits again, tells the client of open and closed.
@@ -97,6 +99,7 @@ class UsbLine final : public ByteLink {
   bool control_lines_set_ = false;
   bool ready_ = false;  // the control requests are through, whatever their outcome
   bool reset_wanted_ = false;
+  bool ending_ = false;
   int reads_under_way_ = 0;
   int under_way_ = 0;  // all transfers
   int errors_in_a_row_ = 0;

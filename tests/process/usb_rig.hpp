@@ -46,6 +46,7 @@ class RecordingClient final : public LinkClient {
     link_ = nullptr;
     note([this] { ++record_.closes; });
   }
+  void on_stop(std::int64_t) noexcept override { ask("QT\n"); }
   void on_bytes(std::span<const std::uint8_t> bytes, std::int64_t stamp_ns, std::uint64_t offset) noexcept override {
     note([&] {
       record_.bytes.append(bytes.begin(), bytes.end());

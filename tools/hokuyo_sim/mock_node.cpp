@@ -17,7 +17,7 @@
 #include <utility>
 #include <vector>
 
-#include "tools/hokuyo_sim/umockdev_front.hpp"
+#include "tools/hokuyo_sim/monotonic.hpp"
 
 namespace submapd::tools {
 namespace {

@@ -24,12 +24,6 @@ namespace submapd::tools {
 using driver::SimOutput;
 using driver::SimSensor;
 
-std::int64_t monotonic_ns() {
-  timespec now{};
-  clock_gettime(CLOCK_MONOTONIC, &now);
-  return std::int64_t{now.tv_sec} * 1'000'000'000 + now.tv_nsec;
-}
-
 struct UmockdevFront::Testbed {
   UMockdevTestbed* bed = umockdev_testbed_new();
   std::mutex mutex;  // of the calls that change the testbed

@@ -14,6 +14,7 @@
 
 #include "driver/sim/sim_sensor.hpp"
 #include "tools/hokuyo_sim/cdc_function.hpp"
+#include "tools/hokuyo_sim/monotonic.hpp"
 
 namespace submapd::tools {
 
@@ -54,8 +55,5 @@ class UmockdevFront {
   std::unique_ptr<Testbed> testbed_;
   std::vector<std::unique_ptr<Scanner>> scanners_;
 };
-
-// CLOCK_MONOTONIC, the true clock of the emulation.
-[[nodiscard]] std::int64_t monotonic_ns();
 
 }  // namespace submapd::tools
