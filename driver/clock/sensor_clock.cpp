@@ -1,0 +1,237 @@
+#include "driver/clock/sensor_clock.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace submapd::driver {
+namespace {
+
+constexpr int kWindowScans = 80;      // two seconds
+constexpr double kHorizon_s = 900.0;  // of crystal and arrival; older bounds have bent away
+constexpr double kRotorHorizon_s = 60.0;
+constexpr double kDelayReach_s = 120.0;  // how long after TM1 the sensor's delay is still refined
+constexpr double kLatest_ms = 3000.0;    // a stamp further from the prediction is that of another epoch
+constexpr double kRateKept_ppm = 20.0;   // how far the rate may move over a reset or a reconnect
+constexpr double kUs = 1e6;
+
+LineBounds::Options crystal_options(const ClockOptions& options) {
+  return {-options.max_skew_ppm, options.max_skew_ppm, options.max_skew_change_ppm_s, kHorizon_s};
+}
+
+LineBounds::Options rotor_options(const ClockOptions& options) {
+  const double error_ppm = options.max_rotor_error * 1e6;
+  return {-error_ppm, error_ppm, options.max_rotor_change_ppm_s, kRotorHorizon_s};
+}
+
+}  // namespace
+
+SensorClock::SensorClock(const ClockOptions& options)
+    : options_(options),
+      rotor_(rotor_options(options)),
+      crystal_(crystal_options(options)),
+      arrival_(crystal_options(options)),
+      delay_us_{0.0, options.longest_delay_us} {}
+
+double SensorClock::host_us(std::int64_t mono_ns) const {
+  return static_cast<double>(mono_ns - origin_ns_) / 1e3;
+}
+
+Interval SensorClock::skew_ppm() const {
+  const Interval both = arrival_.slope().meet(crystal_.slope());
+  return both.empty() ? arrival_.slope() : both;
+}
+
+void SensorClock::begin_epoch() {
+  if (!started_) return;
+  const Interval rate = skew_ppm();
+  const Interval allowed{std::max(rate.low - kRateKept_ppm, -options_.max_skew_ppm),
+                         std::min(rate.high + kRateKept_ppm, options_.max_skew_ppm)};
+  crystal_.reset(allowed);
+  arrival_.reset(allowed);
+  rotor_.reset();
+  started_ = false;
+  scanned_ = false;
+  compared_ = false;
+  synchronised_ = false;
+  window_scans_ = 0;
+  index_ = 0;
+  ++epoch_;
+}
+
+void SensorClock::start(std::uint32_t device_ms, std::int64_t mono_ns) {
+  started_ = true;
+  origin_ns_ = mono_ns;
+  origin_ms_ = device_ms;
+  anchor_ms_ = device_ms;
+  anchor_host_us_ = 0.0;
+}
+
+// The whole device time whose low 24 bits were sent: the one nearest to what the clock must show now. Good for any
+// order of events and for 2.3 hours of silence.
+std::int64_t SensorClock::unwrap(std::uint32_t device_ms, double host) const {
+  const double predicted_ms = static_cast<double>(anchor_ms_) + (host - anchor_host_us_) / 1e3;
+  const double turns = (predicted_ms - static_cast<double>(device_ms)) / static_cast<double>(kWrap_ms);
+  return static_cast<std::int64_t>(device_ms) + std::llround(turns) * kWrap_ms;
+}
+
+// False: no late packet explains this stamp, the counter began anew.
+bool SensorClock::continues(std::int64_t stamp_ms, double host) const {
+  const double elapsed_ms = (host - anchor_host_us_) / 1e3;
+  const double late_ms = static_cast<double>(anchor_ms_ - stamp_ms) + elapsed_ms;
+  return std::abs(late_ms) <= kLatest_ms + options_.max_skew_ppm * 1e-6 * std::abs(elapsed_ms);
+}
+
+void SensorClock::add_time_reply(std::int64_t sent_mono_ns, std::int64_t received_mono_ns, std::uint32_t device_ms) {
+  if (started_ && !continues(unwrap(device_ms, host_us(received_mono_ns)), host_us(received_mono_ns))) begin_epoch();
+  if (!started_) start(device_ms, received_mono_ns);
+  const double received = host_us(received_mono_ns);
+  const std::int64_t stamp_ms = unwrap(device_ms, received);
+  const double device = static_cast<double>(stamp_ms - origin_ms_) * 1e3;
+  const auto bound = [&] {
+    crystal_.below(device / kUs, received - device);
+    crystal_.above((device + 1e3) / kUs, host_us(sent_mono_ns) - (device + 1e3));
+  };
+  bound();
+  if (crystal_.contradictory()) {
+    restart_if_contradictory(crystal_);
+    bound();
+  }
+  anchor_ms_ = stamp_ms;
+  anchor_host_us_ = received;
+  synchronised_ = true;
+  synchronised_x_ = device / kUs;
+}
+
+ScanTime SensorClock::add_scan(std::uint32_t device_ms, std::int64_t first_byte_mono_ns) {
+  ScanTime result;
+  if (started_) {
+    const double host = host_us(first_byte_mono_ns);
+    const std::int64_t stamp_ms = unwrap(device_ms, host);
+    // Scans never overtake each other: a stamp that goes back is one of a new clock.
+    if (!continues(stamp_ms, host) || (scanned_ && stamp_ms < last_stamp_ms_)) begin_epoch();
+  }
+  if (!started_) start(device_ms, first_byte_mono_ns);
+  const double host = host_us(first_byte_mono_ns);
+  const std::int64_t stamp_ms = unwrap(device_ms, host);
+
+  if (scanned_) {
+    const double period_ms = options_.scan_period_us / 1e3 * (1.0 + rotor_.slope().middle() / 1e6);
+    const auto turns = std::llround(static_cast<double>(stamp_ms - last_stamp_ms_) / period_ms);
+    if (turns == 0) {
+      ++repeated_;
+      result.repeated = true;
+      return result;
+    }
+    result.lost_before = static_cast<std::uint64_t>(turns) - 1;
+    lost_ += result.lost_before;
+    index_ += static_cast<std::uint64_t>(turns);
+  }
+  result.first_of_epoch = !scanned_;
+  result.index = index_;
+  last_stamp_ms_ = stamp_ms;
+  anchor_ms_ = stamp_ms;
+  anchor_host_us_ = host;
+
+  const Interval device = device_us(stamp_ms);
+  add_arrival(device, host - options_.stamp_to_first_beam_us - options_.sweep_us);
+  scanned_ = true;
+  result.unsure = !compared_ || !delay_known_;
+
+  const Interval low = host_range(device.low / kUs);
+  const Interval high = host_range(device.high / kUs);
+  const Interval first_beam{low.low + device.low + options_.stamp_to_first_beam_us,
+                            high.high + device.high + options_.stamp_to_first_beam_us};
+  result.first_beam_mono_ns = origin_ns_ + std::llround(first_beam.middle() * 1e3);
+  result.error_bound_ns = static_cast<std::int64_t>(std::ceil(0.5 * first_beam.width() * 1e3)) + 1;
+  return result;
+}
+
+// Device time since origin_ms_ of the scan with this stamp and index_: its millisecond, and within that where the rotor
+// was.
+Interval SensorClock::device_us(std::int64_t stamp_ms) {
+  const double stamp_us = static_cast<double>(stamp_ms - origin_ms_) * 1e3;
+  const double nominal_us = static_cast<double>(index_) * options_.scan_period_us;
+  const double x = nominal_us / kUs;
+  const auto bound = [&] {
+    rotor_.below(x, stamp_us + 1e3 - nominal_us);
+    rotor_.above(x, stamp_us - nominal_us);
+  };
+  bound();
+  if (rotor_.contradictory()) {
+    restart_if_contradictory(rotor_);
+    bound();
+  }
+  const Interval offset = rotor_.at(x);
+  const Interval device = Interval{nominal_us + offset.low, nominal_us + offset.high}.meet({stamp_us, stamp_us + 1e3});
+  return device.empty() ? Interval{stamp_us, stamp_us + 1e3} : device;
+}
+
+// prompt_host: host time of the stamped instant, had the bytes come without delay.
+void SensorClock::add_arrival(const Interval& device, double prompt_host) {
+  const double low_x = device.low / kUs;
+  const double high_x = device.high / kUs;
+  arrival_.below(low_x, prompt_host - device.low);
+  if (arrival_.contradictory()) {
+    restart_if_contradictory(arrival_);
+    arrival_.below(low_x, prompt_host - device.low);
+    compared_ = false;
+    window_scans_ = 0;
+    scanned_ = false;
+  }
+  if (!scanned_) arrival_.above(high_x, prompt_host - device.high - options_.first_late_us);
+
+  const double x = device.middle() / kUs;
+  const double late_us = prompt_host - device.middle() - arrival_.at(x).middle();
+  if (window_scans_ == 0 || late_us < window_late_us_) {
+    window_late_us_ = late_us;
+    window_x_ = high_x;
+    window_y_ = prompt_host - device.high;
+  }
+  if (++window_scans_ == kWindowScans) end_window();
+}
+
+void SensorClock::end_window() {
+  window_scans_ = 0;
+  const double slack_us = options_.usb_grid_us + options_.wake_up_us;
+  arrival_.above(window_x_, window_y_ - slack_us);
+  if (arrival_.contradictory()) {
+    restart_if_contradictory(arrival_);
+    arrival_.below(window_x_, window_y_);
+    arrival_.above(window_x_, window_y_ - slack_us);
+  }
+  compared_ = true;
+  learn_delay();
+}
+
+// The sensor's delay is the same at all times, so every time at which both lines are known narrows it.
+void SensorClock::learn_delay() {
+  if (!synchronised_ || window_x_ - synchronised_x_ > kDelayReach_s) return;
+  const Interval arrival = arrival_.at(synchronised_x_);
+  const Interval crystal = crystal_.at(synchronised_x_);
+  const Interval seen{arrival.low - crystal.high, arrival.high - crystal.low};
+  const Interval narrowed = delay_us_.meet(seen);
+  if (narrowed.empty()) {
+    ++contradictions_;
+    delay_us_ = seen;
+  } else {
+    delay_us_ = narrowed;
+  }
+  delay_known_ = true;
+}
+
+void SensorClock::restart_if_contradictory(LineBounds& bounds) {
+  if (!bounds.contradictory()) return;
+  bounds.reset();
+  ++contradictions_;
+}
+
+// crystal at x, from TM1 itself and through the arrivals.
+Interval SensorClock::host_range(double x) const {
+  const Interval arrival = arrival_.at(x);
+  const Interval through{arrival.low - delay_us_.high, arrival.high - delay_us_.low};
+  if (!synchronised_) return through;
+  const Interval both = through.meet(crystal_.at(x));
+  return both.empty() ? through : both;
+}
+
+}  // namespace submapd::driver
