@@ -7,8 +7,9 @@
 namespace submapd::driver {
 namespace {
 
+constexpr std::uint32_t kMost = std::numeric_limits<std::uint16_t>::max();
+
 void copy_values(std::span<const std::uint32_t> values, std::size_t count, std::span<std::uint16_t> out) {
-  constexpr std::uint32_t kMost = std::numeric_limits<std::uint16_t>::max();
   std::transform(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(count), out.begin(),
                  [](std::uint32_t value) { return static_cast<std::uint16_t>(std::min(value, kMost)); });
 }
