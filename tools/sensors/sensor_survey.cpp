@@ -37,6 +37,8 @@ class Survey final : public driver::UsbClients {
     for (const auto& scanner : scanners_) {
       result_.push_back(scanner->result(options_.roles));
     }
+    std::sort(result_.begin(), result_.end(),
+              [](const SurveyedSensor& a, const SurveyedSensor& b) { return a.info.port.path < b.info.port.path; });
   }
   [[nodiscard]] std::vector<SurveyedSensor> result() { return std::move(result_); }
 
