@@ -103,6 +103,7 @@ class SensorRig : private ByteLink, private SensorOwner, private SensorSink {
   bool intensity = false;
   bool clock_known = false;
   std::optional<Error> refusal;
+  SensorSink* forward_to = nullptr;  // gets everything too
   SimSensor sim;
   Sensor sensor;
 
@@ -168,10 +169,28 @@ class SensorRig : private ByteLink, private SensorOwner, private SensorSink {
   void on_scan(const scip::ScanData& scan) noexcept override {
     scans.push_back(
         {now_ns, static_cast<std::uint32_t>(scan.time), hash_ranges(scan.ranges_mm), !scan.intensities.empty()});
+    if (forward_to != nullptr) {
+      forward_to->on_scan(scan);
+    }
   }
-  void on_damaged_scan() noexcept override { ++damaged; }
-  void on_time(const TimeSample& sample) noexcept override { samples.push_back(sample); }
-  void on_new_clock() noexcept override { ++new_clocks; }
+  void on_damaged_scan() noexcept override {
+    ++damaged;
+    if (forward_to != nullptr) {
+      forward_to->on_damaged_scan();
+    }
+  }
+  void on_time(const TimeSample& sample) noexcept override {
+    samples.push_back(sample);
+    if (forward_to != nullptr) {
+      forward_to->on_time(sample);
+    }
+  }
+  void on_new_clock() noexcept override {
+    ++new_clocks;
+    if (forward_to != nullptr) {
+      forward_to->on_new_clock();
+    }
+  }
   bool knows_clock() const noexcept override { return clock_known || !samples.empty(); }
 
   bool open_ = false;
