@@ -132,12 +132,13 @@ class ScannersRig {
     }
     return false;
   }
-  // What is wrong with the scans that came. REQUIRES: stopped.
+  // What is wrong with the scans that came.
   struct Verdict {
     std::size_t false_scans = 0;  // say other than what was measured
     double longest_gap_s = 0.0;   // of true time between the first beams of two scans that came one after the other
   };
-  [[nodiscard]] Verdict verdict(std::size_t index) const {
+  [[nodiscard]] Verdict verdict(std::size_t index) {
+    const std::lock_guard lock(mutex);  // the scanners measure on
     std::map<std::pair<std::uint32_t, std::uint64_t>, std::int64_t> true_ones;
     for (const SimScanTruth& scan : truth[index]) {
       true_ones.emplace(std::pair(scan.stamp_ms, scan.ranges_hash), scan.first_beam_ns);

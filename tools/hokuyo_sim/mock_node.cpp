@@ -9,6 +9,7 @@
 #include <linux/usbdevice_fs.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cerrno>
 #include <cstddef>
 #include <cstring>
@@ -23,6 +24,9 @@ namespace submapd::tools {
 namespace {
 
 constexpr int kPipeBytes = 4096;
+
+// Hands a node over to umockdev's threads in a way that ThreadSanitizer sees, which GLib's locks are not.
+std::atomic<unsigned> handed_over{0};
 
 usbdevfs_urb& urb_of(UMockdevIoctlData* data) {
   return *reinterpret_cast<usbdevfs_urb*>(data->data);
@@ -63,6 +67,7 @@ MockNode::~MockNode() {
 }
 
 void MockNode::attach(UMockdevTestbed* bed, const std::string& node_name) {
+  handed_over.fetch_add(1, std::memory_order_release);
   handler_ = umockdev_ioctl_base_new();
   g_signal_connect(handler_, "handle-ioctl", G_CALLBACK(&MockNode::on_ioctl), this);
   GError* error = nullptr;
@@ -149,6 +154,7 @@ void MockNode::vanish() {
 }
 
 gboolean MockNode::on_ioctl(UMockdevIoctlBase* /*base*/, UMockdevIoctlClient* client, gpointer self) {
+  static_cast<void>(handed_over.load(std::memory_order_acquire));
   static_cast<MockNode*>(self)->handle(client);
   return TRUE;
 }
@@ -159,52 +165,51 @@ void MockNode::handle(UMockdevIoctlClient* client) {
   std::uint64_t value = 0;
   std::memcpy(&value, arg->data, std::min(sizeof(value), static_cast<std::size_t>(arg->data_len)));
   int error = 0;
-  {
-    const std::lock_guard lock(mutex_);
-    switch (request) {
-      case USBDEVFS_GET_CAPABILITIES:
-        write_value<std::uint32_t>(arg, USBDEVFS_CAP_ZERO_PACKET | USBDEVFS_CAP_NO_PACKET_SIZE_LIM |
-                                            USBDEVFS_CAP_REAP_AFTER_DISCONNECT | USBDEVFS_CAP_BULK_CONTINUATION);
-        break;
-      case USBDEVFS_SUBMITURB:
-        error = gone_ ? ENODEV : submit(arg);
-        break;
-      case USBDEVFS_REAPURB:
-      case USBDEVFS_REAPURBNDELAY:
-        error = reap(arg);
-        break;
-      case USBDEVFS_DISCARDURB:
-        error = gone_ ? ENODEV : discard(value);
-        break;
-      case USBDEVFS_GETDRIVER: {
-        usbdevfs_getdriver driver{};
-        std::strcpy(driver.driver, "cdc_acm");
-        write_value(arg, driver);
-        break;
-      }
-      case USBDEVFS_CLEAR_HALT:
-        halted_ = false;
-        service();
-        break;
-      case USBDEVFS_RESET:
-        halted_ = false;
-        in_.clear();
-        end_all(-ENOENT);
-        sensor_.usb_reset(monotonic_ns());
-        show_reapable();
-        break;
-      case USBDEVFS_CLAIMINTERFACE:
-      case USBDEVFS_RELEASEINTERFACE:
-      case USBDEVFS_DISCONNECT_CLAIM:
-      case USBDEVFS_IOCTL:  // disconnect and connect of the kernel's driver
-      case USBDEVFS_SETCONFIGURATION:
-      case USBDEVFS_SETINTERFACE:
-        error = gone_ ? ENODEV : 0;
-        break;
-      default:
-        error = ENOTTY;
-        break;
+  // Also while umockdev completes the call: it reads the buffers that the pump fills.
+  const std::lock_guard lock(mutex_);
+  switch (request) {
+    case USBDEVFS_GET_CAPABILITIES:
+      write_value<std::uint32_t>(arg, USBDEVFS_CAP_ZERO_PACKET | USBDEVFS_CAP_NO_PACKET_SIZE_LIM |
+                                          USBDEVFS_CAP_REAP_AFTER_DISCONNECT | USBDEVFS_CAP_BULK_CONTINUATION);
+      break;
+    case USBDEVFS_SUBMITURB:
+      error = gone_ ? ENODEV : submit(arg);
+      break;
+    case USBDEVFS_REAPURB:
+    case USBDEVFS_REAPURBNDELAY:
+      error = reap(arg);
+      break;
+    case USBDEVFS_DISCARDURB:
+      error = gone_ ? ENODEV : discard(value);
+      break;
+    case USBDEVFS_GETDRIVER: {
+      usbdevfs_getdriver driver{};
+      std::strcpy(driver.driver, "cdc_acm");
+      write_value(arg, driver);
+      break;
     }
+    case USBDEVFS_CLEAR_HALT:
+      halted_ = false;
+      service();
+      break;
+    case USBDEVFS_RESET:
+      halted_ = false;
+      in_.clear();
+      end_all(-ENOENT);
+      sensor_.usb_reset(monotonic_ns());
+      show_reapable();
+      break;
+    case USBDEVFS_CLAIMINTERFACE:
+    case USBDEVFS_RELEASEINTERFACE:
+    case USBDEVFS_DISCONNECT_CLAIM:
+    case USBDEVFS_IOCTL:  // disconnect and connect of the kernel's driver
+    case USBDEVFS_SETCONFIGURATION:
+    case USBDEVFS_SETINTERFACE:
+      error = gone_ ? ENODEV : 0;
+      break;
+    default:
+      error = ENOTTY;
+      break;
   }
   changed_.notify_all();
   umockdev_ioctl_client_complete(client, error == 0 ? 0 : -1, error);
