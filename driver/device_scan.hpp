@@ -7,6 +7,8 @@
 #include <array>
 #include <cstdint>
 
+#include "driver/scip/event.hpp"
+
 namespace submapd::driver {
 
 // What is special about a scan; bits of DeviceScan::flags.
@@ -37,5 +39,9 @@ struct DeviceScan {
   std::array<std::uint16_t, kMaxBeams> ranges_mm{};
   std::array<std::uint16_t, kMaxBeams> intensities{};  // no unit; only with kScanHasIntensities
 };
+
+// Fills a slot with what the sensor sent: values, stamp, arrivals, flags. Times, index and counts are the clock's to
+// set. False, and the slot untouched, for a scan that does not fit: more beams, or several echoes a beam.
+bool set_values(const scip::ScanData& scan, DeviceScan& slot) noexcept;
 
 }  // namespace submapd::driver

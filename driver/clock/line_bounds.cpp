@@ -1,6 +1,7 @@
 #include "driver/clock/line_bounds.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 namespace submapd::driver {
 namespace {
@@ -41,11 +42,22 @@ void LineBounds::above(double x, double bound) {
 }
 
 Interval LineBounds::at(double x) const {
-  if (corners_ == 0) return {-kUnbounded, kUnbounded};
+  return reach(polygon_, x);
+}
+
+Interval LineBounds::at(double x, const Interval& slope) const {
+  Polygon both = polygon_;
+  both.cut(0.0, 1.0, slope.high);
+  both.cut(0.0, -1.0, -slope.low);
+  return reach(both.size == 0 ? polygon_ : both, x);
+}
+
+Interval LineBounds::reach(const Polygon& polygon, double x) const {
+  if (polygon.size == 0) return {-kUnbounded, kUnbounded};
   const double dx = x - newest_x_;
   Interval range{kUnbounded, -kUnbounded};
-  for (std::size_t i = 0; i < corners_; ++i) {
-    const double y = polygon_[i].value + polygon_[i].slope * dx;
+  for (std::size_t i = 0; i < polygon.size; ++i) {
+    const double y = polygon.corners[i].value + polygon.corners[i].slope * dx;
     range = {std::min(range.low, y), std::max(range.high, y)};
   }
   const double bent = 0.5 * options_.bend * dx * dx;
@@ -53,12 +65,25 @@ Interval LineBounds::at(double x) const {
 }
 
 Interval LineBounds::slope() const {
-  if (corners_ == 0) return {options_.slope_low, options_.slope_high};
-  Interval range{polygon_[0].slope, polygon_[0].slope};
-  for (std::size_t i = 1; i < corners_; ++i) {
-    range = {std::min(range.low, polygon_[i].slope), std::max(range.high, polygon_[i].slope)};
+  if (polygon_.size == 0) return {options_.slope_low, options_.slope_high};
+  Interval range{polygon_.corners[0].slope, polygon_.corners[0].slope};
+  for (std::size_t i = 1; i < polygon_.size; ++i) {
+    const double slope = polygon_.corners[i].slope;
+    range = {std::min(range.low, slope), std::max(range.high, slope)};
   }
   return range;
+}
+
+double LineBounds::touching(double x, double reach) const {
+  const auto* const end = upper_.points.data() + upper_.size;
+  const auto* first = std::find_if(upper_.points.data(), end, [&](const Point& p) { return p.x >= newest_x_ - reach; });
+  if (end - first < 2) return at(x).high;
+  const double middle = 0.5 * (first->x + (end - 1)->x);
+  const auto* const right = std::find_if(first + 1, end - 1, [&](const Point& p) { return p.x >= middle; });
+  const Point& left = *(right - 1);
+  const Interval possible = slope();
+  const double slope_there = std::clamp((right->y - left.y) / (right->x - left.x), possible.low, possible.high);
+  return left.y + slope_there * (x - left.x);
 }
 
 // Positive if b lies below the line from a to c, all lifted: a corner of the lower hull.
@@ -106,35 +131,47 @@ void LineBounds::drop_least(Hull& hull) const {
 
 // The polygon at newest_x_: the range of slopes, cut by every bound that is kept.
 void LineBounds::rebuild() {
-  polygon_[0] = {-kUnbounded, options_.slope_low};
-  polygon_[1] = {kUnbounded, options_.slope_low};
-  polygon_[2] = {kUnbounded, options_.slope_high};
-  polygon_[3] = {-kUnbounded, options_.slope_high};
-  corners_ = 4;
+  // A first box that the newest bound of each side implies: cuts between corners far away would lose digits.
+  const auto extreme = [this](const Hull& hull) {
+    if (hull.size == 0) return kUnbounded;
+    const Point& p = hull.points[hull.size - 1];
+    const double dx = p.x - newest_x_;
+    const double steepest = std::max(std::abs(options_.slope_low), std::abs(options_.slope_high));
+    return p.y + 0.5 * options_.bend * dx * dx + steepest * std::abs(dx) + 1.0;
+  };
+  const double high = extreme(upper_);
+  const double low = -extreme(lower_);
+  polygon_.corners[0] = {low, options_.slope_low};
+  polygon_.corners[1] = {high, options_.slope_low};
+  polygon_.corners[2] = {high, options_.slope_high};
+  polygon_.corners[3] = {low, options_.slope_high};
+  polygon_.size = low <= high ? 4 : 0;
+  const auto cut = [this](const Point& p, double sign) {
+    const double dx = p.x - newest_x_;
+    polygon_.cut(sign, sign * dx, p.y + 0.5 * options_.bend * dx * dx);
+  };
   // Newest first: they cut most, and the polygon stays small.
-  for (std::size_t i = upper_.size; i-- > 0;) cut(upper_.points[i].x - newest_x_, upper_.points[i].y, 1.0);
-  for (std::size_t i = lower_.size; i-- > 0;) cut(lower_.points[i].x - newest_x_, lower_.points[i].y, -1.0);
+  for (std::size_t i = upper_.size; i-- > 0;) cut(upper_.points[i], 1.0);
+  for (std::size_t i = lower_.size; i-- > 0;) cut(lower_.points[i], -1.0);
 }
 
-// Keeps what satisfies sign * (value + slope * dx) <= bound + bend dx^2 / 2 (Sutherland, Hodgman 1974).
-void LineBounds::cut(double dx, double bound, double sign) {
-  const double limit = bound + 0.5 * options_.bend * dx * dx;
-  const auto excess = [&](const Corner& c) { return sign * (c.value + c.slope * dx) - limit; };
-  std::array<Corner, kCorners> kept;
-  std::size_t count = 0;
-  for (std::size_t i = 0; i < corners_; ++i) {
-    const Corner& from = polygon_[i];
-    const Corner& to = polygon_[(i + 1) % corners_];
-    const double a = excess(from);
-    const double b = excess(to);
-    if (a <= 0.0) kept[count++] = from;
-    if ((a < 0.0 && b > 0.0) || (a > 0.0 && b < 0.0)) {
-      const double share = a / (a - b);
-      kept[count++] = {from.value + share * (to.value - from.value), from.slope + share * (to.slope - from.slope)};
+// Sutherland and Hodgman 1974.
+void LineBounds::Polygon::cut(double a, double b, double limit) {
+  const auto excess = [&](const Corner& c) { return a * c.value + b * c.slope - limit; };
+  Polygon kept;
+  for (std::size_t i = 0; i < size; ++i) {
+    const Corner& from = corners[i];
+    const Corner& to = corners[i + 1 == size ? 0 : i + 1];
+    const double here = excess(from);
+    const double there = excess(to);
+    if (here <= 0.0) kept.corners[kept.size++] = from;
+    if ((here < 0.0 && there > 0.0) || (here > 0.0 && there < 0.0)) {
+      const double share = here / (here - there);
+      kept.corners[kept.size++] = {from.value + share * (to.value - from.value),
+                                   from.slope + share * (to.slope - from.slope)};
     }
   }
-  std::copy_n(kept.begin(), count, polygon_.begin());
-  corners_ = count;
+  *this = kept;
 }
 
 }  // namespace submapd::driver

@@ -44,10 +44,16 @@ class LineBounds {
 
   // Range of y at x, of dy/dx at the newest x. Wide, but never empty, where no bound was given.
   [[nodiscard]] Interval at(double x) const;
+  // The same where dy/dx at the newest x is also known from elsewhere.
+  [[nodiscard]] Interval at(double x, const Interval& slope) const;
   [[nodiscard]] Interval slope() const;
+  // An estimate of y(x), no bound: the line that touches the upper bounds from below in the middle of the last `reach`.
+  // Right where bounds given to below() are now and then exact.
+  [[nodiscard]] double touching(double x, double reach) const;
+  [[nodiscard]] double newest_x() const { return newest_x_; }
 
   // True if the bounds contradict each other: the quantity does not keep its promises. reset() is the only way out.
-  [[nodiscard]] bool contradictory() const { return corners_ == 0; }
+  [[nodiscard]] bool contradictory() const { return polygon_.size == 0; }
   // Forgets all bounds. `slope` replaces the range of slopes if it is not empty.
   void reset(const Interval& slope = {1.0, -1.0});
 
@@ -68,21 +74,27 @@ class LineBounds {
     double value;
     double slope;
   };
+  // Convex, corners in order around it.
+  struct Polygon {
+    std::array<Corner, kCorners> corners;
+    std::size_t size = 0;
+    // Keeps what satisfies a * value + b * slope <= limit.
+    void cut(double a, double b, double limit);
+  };
 
   void add(Hull& hull, double x, double bound);
   [[nodiscard]] double lifted(const Point& p) const { return p.y + 0.5 * options_.bend * p.x * p.x; }
   [[nodiscard]] double turn(const Point& a, const Point& b, const Point& c) const;
   void drop_least(Hull& hull) const;
   void rebuild();
-  void cut(double dx, double bound, double sign);
+  [[nodiscard]] Interval reach(const Polygon& polygon, double x) const;
 
   Options options_;
   Hull upper_;
   Hull lower_;
   double newest_x_ = 0.0;
   bool any_ = false;
-  std::array<Corner, kCorners> polygon_{};  // of what is possible at newest_x_, in order around it
-  std::size_t corners_ = 0;
+  Polygon polygon_;  // of what is possible at newest_x_
 };
 
 }  // namespace submapd::driver

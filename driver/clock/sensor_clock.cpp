@@ -6,12 +6,15 @@
 namespace submapd::driver {
 namespace {
 
-constexpr int kWindowScans = 80;      // two seconds
+constexpr int kWindowScans = 80;       // two seconds
+constexpr int kFirstWindowScans = 10;  // doubled until it is kWindowScans
+constexpr Interval kAnything{-1e12, 1e12};
 constexpr double kHorizon_s = 900.0;  // of crystal and arrival; older bounds have bent away
 constexpr double kRotorHorizon_s = 60.0;
 constexpr double kDelayReach_s = 120.0;  // how long after TM1 the sensor's delay is still refined
 constexpr double kLatest_ms = 3000.0;    // a stamp further from the prediction is that of another epoch
 constexpr double kRateKept_ppm = 20.0;   // how far the rate may move over a reset or a reconnect
+constexpr double kTouch_s = 120.0;       // of the arrivals that tell the rate now
 constexpr double kUs = 1e6;
 
 LineBounds::Options crystal_options(const ClockOptions& options) {
@@ -30,7 +33,9 @@ SensorClock::SensorClock(const ClockOptions& options)
       rotor_(rotor_options(options)),
       crystal_(crystal_options(options)),
       arrival_(crystal_options(options)),
-      delay_us_{0.0, options.longest_delay_us} {}
+      delay_us_{0.0, options.longest_delay_us},
+      delay_seen_us_(kAnything),
+      window_length_(kFirstWindowScans) {}
 
 double SensorClock::host_us(std::int64_t mono_ns) const {
   return static_cast<double>(mono_ns - origin_ns_) / 1e3;
@@ -54,6 +59,7 @@ void SensorClock::begin_epoch() {
   compared_ = false;
   synchronised_ = false;
   window_scans_ = 0;
+  window_length_ = kFirstWindowScans;
   index_ = 0;
   ++epoch_;
 }
@@ -137,12 +143,13 @@ ScanTime SensorClock::add_scan(std::uint32_t device_ms, std::int64_t first_byte_
   scanned_ = true;
   result.unsure = !compared_ || !delay_known_;
 
-  const Interval low = host_range(device.low / kUs);
-  const Interval high = host_range(device.high / kUs);
-  const Interval first_beam{low.low + device.low + options_.stamp_to_first_beam_us,
-                            high.high + device.high + options_.stamp_to_first_beam_us};
-  result.first_beam_mono_ns = origin_ns_ + std::llround(first_beam.middle() * 1e3);
-  result.error_bound_ns = static_cast<std::int64_t>(std::ceil(0.5 * first_beam.width() * 1e3)) + 1;
+  const double offset_us = options_.stamp_to_first_beam_us;
+  const Interval first_beam{host_at(device.low / kUs).range.low + device.low + offset_us,
+                            host_at(device.high / kUs).range.high + device.high + offset_us};
+  const double estimate = host_at(device.middle() / kUs).estimate + device.middle() + offset_us;
+  const double bound = std::max(estimate - first_beam.low, first_beam.high - estimate);
+  result.first_beam_mono_ns = origin_ns_ + std::llround(estimate * 1e3);
+  result.error_bound_ns = static_cast<std::int64_t>(std::ceil(bound * 1e3)) + 1;
   return result;
 }
 
@@ -187,11 +194,12 @@ void SensorClock::add_arrival(const Interval& device, double prompt_host) {
     window_x_ = high_x;
     window_y_ = prompt_host - device.high;
   }
-  if (++window_scans_ == kWindowScans) end_window();
+  if (++window_scans_ == window_length_) end_window();
 }
 
 void SensorClock::end_window() {
   window_scans_ = 0;
+  window_length_ = std::min(2 * window_length_, kWindowScans);
   const double slack_us = options_.usb_grid_us + options_.wake_up_us;
   arrival_.above(window_x_, window_y_ - slack_us);
   if (arrival_.contradictory()) {
@@ -207,15 +215,16 @@ void SensorClock::end_window() {
 void SensorClock::learn_delay() {
   if (!synchronised_ || window_x_ - synchronised_x_ > kDelayReach_s) return;
   const Interval arrival = arrival_.at(synchronised_x_);
-  const Interval crystal = crystal_.at(synchronised_x_);
+  const Interval crystal = crystal_at(synchronised_x_);
   const Interval seen{arrival.low - crystal.high, arrival.high - crystal.low};
   const Interval narrowed = delay_us_.meet(seen);
-  if (narrowed.empty()) {
-    ++contradictions_;
-    delay_us_ = seen;
-  } else {
-    delay_us_ = narrowed;
-  }
+  if (narrowed.empty()) ++contradictions_;
+  delay_us_ = narrowed.empty() ? seen : narrowed;
+
+  const double prompt = arrival_.touching(synchronised_x_, kTouch_s);
+  const Interval likely{prompt - crystal.high, prompt - crystal.low};
+  const Interval both = delay_seen_us_.meet(likely);
+  delay_seen_us_ = both.empty() ? likely : both;
   delay_known_ = true;
 }
 
@@ -225,13 +234,31 @@ void SensorClock::restart_if_contradictory(LineBounds& bounds) {
   ++contradictions_;
 }
 
-// crystal at x, from TM1 itself and through the arrivals.
-Interval SensorClock::host_range(double x) const {
+// crystal at x from TM1; its slope is also that of the arrivals, which are newer.
+Interval SensorClock::crystal_at(double x) const {
+  const Interval slope = arrival_.slope();
+  const double bent = options_.max_skew_change_ppm_s * std::abs(arrival_.newest_x() - crystal_.newest_x());
+  return crystal_.at(x, {slope.low - bent, slope.high + bent});
+}
+
+// From TM1 itself and through the arrivals. The bounds are those of both; the estimate weighs their middles by their
+// widths, as the middle of what both leave would lean away from a bound that is tight on one side only.
+SensorClock::HostTime SensorClock::host_at(double x) const {
   const Interval arrival = arrival_.at(x);
   const Interval through{arrival.low - delay_us_.high, arrival.high - delay_us_.low};
-  if (!synchronised_) return through;
-  const Interval both = through.meet(crystal_.at(x));
-  return both.empty() ? through : both;
+  if (!synchronised_) return {through, through.middle()};
+  const Interval direct = crystal_at(x);
+  Interval both = through.meet(direct);
+  if (both.empty()) both = through;
+  double estimate = direct.middle();
+  if (delay_known_) {
+    const double width = arrival.width() + delay_seen_us_.width();
+    const double weight = 1.0 / (width * width);
+    const double direct_weight = 1.0 / (direct.width() * direct.width());
+    const double through_middle = arrival_.touching(x, kTouch_s) - delay_seen_us_.middle();
+    estimate = (weight * through_middle + direct_weight * estimate) / (weight + direct_weight);
+  }
+  return {both, std::clamp(estimate, both.low, both.high)};
 }
 
 }  // namespace submapd::driver

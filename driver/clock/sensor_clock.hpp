@@ -10,7 +10,8 @@
 //   crystal  host time of a device time. TM1 sent at p, answered s at q: clock s was before q, clock s + 1 ms after p.
 //   arrival  host time at which the first bytes of a prompt scan with that device time come, less the sweep. No scan
 //   comes
-//            before; of each two seconds' scans the fastest comes at most one USB grid later.
+//            before; of each two seconds' scans (of the first ten to begin with) the fastest comes at most one USB grid
+//            later.
 // arrival - crystal is a constant, the sensor's own delay, bounded whenever both are known (start, each longer stop),
 // so that crystal follows arrival while the cart rolls and TM1 cannot be asked. Not known from all this is the instant
 // at which the sensor takes the stamp: ClockOptions::stamp_to_first_beam_us.
@@ -31,7 +32,7 @@ struct ClockOptions {
   double stamp_to_first_beam_us = 0.0;  // the first beam is measured so long after the instant that was stamped
   double sweep_us = 18'750.0;           // first to last beam; no byte of a scan comes before its last beam
   double scan_period_us = 25'000.0;     // nominal
-  double max_skew_ppm = 300.0;          // the crystal's error at most
+  double max_skew_ppm = 250.0;          // the crystal's error at most
   double max_skew_change_ppm_s = 0.02;  // ... and how fast temperature moves it
   double max_rotor_error = 0.02;        // the rotor's speed, relative to nominal
   double max_rotor_change_ppm_s = 5.0;  // ... and how fast it changes
@@ -54,6 +55,9 @@ struct ScanTime {
 class SensorClock {
  public:
   explicit SensorClock(const ClockOptions& options);
+
+  // The grid that was measured (measure_usb_grid_us()), between the TM1 replies and the first scan.
+  void set_usb_grid_us(double grid_us) { options_.usb_grid_us = grid_us; }
 
   // The sensor was reset, opened again or without power: its counter began anew. The crystal's rate and the sensor's
   // delay are kept, as they are the same piece of hardware: times go on at once, with wider bounds.
@@ -88,13 +92,19 @@ class SensorClock {
   void end_window();
   void learn_delay();
   void restart_if_contradictory(LineBounds& bounds);
-  [[nodiscard]] Interval host_range(double x) const;
+  struct HostTime {
+    Interval range;
+    double estimate;
+  };
+  [[nodiscard]] HostTime host_at(double x) const;
+  [[nodiscard]] Interval crystal_at(double x) const;
 
   ClockOptions options_;
   LineBounds rotor_;  // x: nominal seconds of turn n, y: device microseconds less nominal ones
   LineBounds crystal_;
   LineBounds arrival_;
-  Interval delay_us_;         // arrival - crystal
+  Interval delay_us_;         // arrival - crystal: what is possible
+  Interval delay_seen_us_;    // the same without longest_delay_us, whose one-sidedness would bias the middle
   bool delay_known_ = false;  // from TM1, else from longest_delay_us
 
   bool started_ = false;         // a stamp or a reply was seen in this epoch
@@ -111,6 +121,7 @@ class SensorClock {
 
   // The fastest scan of the present window.
   int window_scans_ = 0;
+  int window_length_;
   double window_late_us_ = 0.0;
   double window_x_ = 0.0;
   double window_y_ = 0.0;

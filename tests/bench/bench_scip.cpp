@@ -24,9 +24,7 @@ class Slot final : public Listener {
   DeviceScan slot;
 
   void on_scan(const ScanData& scan) noexcept override {
-    const auto narrow = [](std::uint32_t value) { return static_cast<std::uint16_t>(std::min(value, 65535U)); };
-    std::transform(scan.ranges_mm.begin(), scan.ranges_mm.end(), slot.ranges_mm.begin(), narrow);
-    std::transform(scan.intensities.begin(), scan.intensities.end(), slot.intensities.begin(), narrow);
+    set_values(scan, slot);
     ++scans;
   }
   void on_stale_scan(const ScanData&) noexcept override { ++others; }
