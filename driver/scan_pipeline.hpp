@@ -34,7 +34,7 @@ class ScanPipeline final : public SensorSink {
   [[nodiscard]] const SensorClock& clock() const { return clock_; }
 
  private:
-  void fill(DeviceScan& slot, const scip::ScanData& scan, const ScanTime& time) const noexcept;
+  [[nodiscard]] bool fill(DeviceScan& slot, const scip::ScanData& scan, const ScanTime& time) const noexcept;
 
   SensorClock clock_;
   std::array<ScanRing*, kMaxRings> rings_;
