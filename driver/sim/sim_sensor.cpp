@@ -71,9 +71,10 @@ std::int64_t SimSensor::step0_ns(std::uint64_t rotation) const {
   return powered_ns_ + options_.grid_phase_ns + std::llround(static_cast<double>(rotation) * period_ns);
 }
 
-// A turn's values are ready, and commands are looked at, some time after its last beam.
+// A turn's values are put together, and commands are looked at, after its last beam; what that gives is sent a little
+// later, so that the time it takes to emulate a scan is not seen from outside.
 std::int64_t SimSensor::tick_ns() const {
-  return step0_ns(rotation_) + static_cast<std::int64_t>(kMeasuring_ns) + options_.scan_latency_ns;
+  return step0_ns(rotation_) + static_cast<std::int64_t>(kMeasuring_ns);
 }
 
 void SimSensor::receive(std::int64_t now_ns, std::span<const std::uint8_t> bytes) {
@@ -136,6 +137,7 @@ void SimSensor::run_until(std::int64_t now_ns) {
     if (direct && commands_.front().ready_ns <= std::min(now_ns, tick_at)) {
       const Command command = std::move(commands_.front());
       commands_.pop_front();
+      sending_takes_ns_ = 0;
       execute(command, command.ready_ns);
     } else if (tick_at <= now_ns) {
       tick();
@@ -153,6 +155,7 @@ void SimSensor::finish_boot(std::int64_t now_ns) {
 
 void SimSensor::tick() {
   const std::int64_t now_ns = tick_ns();
+  sending_takes_ns_ = options_.scan_latency_ns;
   finish_boot(now_ns);
   const std::int64_t powered_before_ns = powered_ns_;
   if (state_ == State::kStreaming) {
@@ -179,7 +182,7 @@ void SimSensor::send_bytes(std::span<const std::uint8_t> bytes, std::int64_t now
   constexpr std::size_t kPacketBytes = 64;
   const std::size_t piece_bytes =
       options_.usb_frame_ns > 0 ? kPacketBytes * options_.packets_per_frame : std::max<std::size_t>(bytes.size(), 1);
-  std::int64_t due_ns = std::max(up_to_grid(now_ns, options_.usb_frame_ns), last_due_ns_);
+  std::int64_t due_ns = std::max(up_to_grid(now_ns + sending_takes_ns_, options_.usb_frame_ns), last_due_ns_);
   while (!bytes.empty()) {
     const std::size_t length = std::min(piece_bytes, bytes.size());
     SimOutput output;
@@ -196,7 +199,7 @@ void SimSensor::send_bytes(std::span<const std::uint8_t> bytes, std::int64_t now
 void SimSensor::send_event(SimOutput::Kind kind, std::int64_t due_ns) {
   SimOutput output;
   output.kind = kind;
-  output.due_ns = std::max(due_ns, last_due_ns_);
+  output.due_ns = std::max(due_ns + sending_takes_ns_, last_due_ns_);
   last_due_ns_ = output.due_ns;
   outputs_.push_back(std::move(output));
 }

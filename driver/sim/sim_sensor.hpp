@@ -169,6 +169,7 @@ class SimSensor {
   std::deque<Command> commands_;
   std::deque<SimOutput> outputs_;
   std::int64_t last_due_ns_ = 0;
+  std::int64_t sending_takes_ns_ = 0;
 
   bool scip11_ = false;
   bool abnormal_ = false;

@@ -254,7 +254,7 @@ void UsbLine::on_read(libusb_transfer* transfer) {
 bool UsbLine::read_failed(libusb_transfer_status status, std::int64_t now_ns) noexcept {
   switch (status) {
     case LIBUSB_TRANSFER_STALL:
-      // Every queued read stalls with the first one: one fault, not thirty-two.
+      // Every queued read stalls with the first one: one fault, not sixteen.
       if (!halted_) {
         halted_ = true;
         ++counters_.stalls;

@@ -8,6 +8,7 @@
 #include <chrono>
 #include <condition_variable>
 #include <functional>
+#include <iterator>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -139,22 +140,25 @@ class ScannersRig {
   };
   [[nodiscard]] Verdict verdict(std::size_t index) {
     const std::lock_guard lock(mutex);  // the scanners measure on
-    std::map<std::pair<std::uint32_t, std::uint64_t>, std::int64_t> true_ones;
+    // A clock that started anew repeats its stamps, so that the latest scan measured before the arrival counts.
+    std::map<std::pair<std::uint32_t, std::uint64_t>, std::vector<std::int64_t>> true_ones;
     for (const SimScanTruth& scan : truth[index]) {
-      true_ones.emplace(std::pair(scan.stamp_ms, scan.ranges_hash), scan.first_beam_ns);
+      true_ones[{scan.stamp_ms, scan.ranges_hash}].push_back(scan.first_beam_ns);
     }
     Verdict verdict;
     std::int64_t before_ns = 0;
     for (const ReceivedScan& scan : sinks[index].scans) {
-      const auto found = true_ones.find({scan.stamp_ms, scan.hash});
-      if (found == true_ones.end()) {
+      const std::vector<std::int64_t>& times = true_ones[{scan.stamp_ms, scan.hash}];
+      const auto later = std::upper_bound(times.begin(), times.end(), scan.last_byte_ns);
+      if (later == times.begin()) {
         ++verdict.false_scans;
         continue;
       }
+      const std::int64_t first_beam_ns = *std::prev(later);
       if (before_ns > 0) {
-        verdict.longest_gap_s = std::max(verdict.longest_gap_s, 1e-9 * static_cast<double>(found->second - before_ns));
+        verdict.longest_gap_s = std::max(verdict.longest_gap_s, 1e-9 * static_cast<double>(first_beam_ns - before_ns));
       }
-      before_ns = found->second;
+      before_ns = first_beam_ns;
     }
     return verdict;
   }

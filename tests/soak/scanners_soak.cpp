@@ -154,7 +154,8 @@ int main(int argc, char** argv) {
   app.add_option("--seconds", seconds, "From the first scan of both on")->capture_default_str();
   app.add_option("--out", out, "File for what was seen")->required();
   submapd::driver::UsbOptions usb;
-  app.add_option("--transfer-bytes", usb.transfer_bytes, "Of one USB transfer, a multiple of 64")->capture_default_str();
+  app.add_option("--transfer-bytes", usb.transfer_bytes, "Of one USB transfer, a multiple of 64")
+      ->capture_default_str();
   CLI11_PARSE(app, argc, argv);
   return submapd::driver::run(seconds, out, serials, usb);
 }
