@@ -28,12 +28,12 @@ struct UsbId {
 
 struct UsbOptions {
   std::vector<UsbId> ids = {{0x15d1, 0x0000}};  // all URG, UTM, UXM and UTX scanners share this one
-  // 16 of 2048 bytes hold a quarter of a second of MD. A transfer is seen only when its last byte is there, so that
-  // smaller ones tell a scan's first bytes sooner; each costs a submission and a wake-up, though (tests/soak: 512 bytes
-  // cost four times the processor time of 2048), and the clock learns the constant delay anyway. REQUIRES: bytes a
-  // multiple of 64, else full packets overflow.
+  // 16 of 4096 bytes hold half a second of MD. A transfer ends with a short packet, hence with the scan at the latest.
+  // Smaller ones tell a scan's first bytes sooner, but each costs a submission and a wake-up (tests/soak/scanners_soak.py
+  // --transfer-bytes shows it), and the clock learns the constant delay anyway. REQUIRES: bytes a multiple of 64, else
+  // full packets overflow.
   std::size_t transfers = 16;
-  std::size_t transfer_bytes = 2048;
+  std::size_t transfer_bytes = 4096;
   std::size_t max_scanners = 4;  // further ones are reported and left alone
 };
 

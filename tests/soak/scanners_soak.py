@@ -32,7 +32,7 @@ def main():
     parser.add_argument("--seconds", type=float, default=600.0)
     parser.add_argument("--fault-rate", type=float, default=0.0)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--transfer-bytes", type=int, default=2048)
+    parser.add_argument("--transfer-bytes", type=int, default=4096)
     parser.add_argument("hokuyo_sim")
     parser.add_argument("scanners_soak")
     options = parser.parse_args()
