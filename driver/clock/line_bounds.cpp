@@ -171,7 +171,8 @@ void LineBounds::Polygon::cut(double a, double b, double limit) {
                                    from.slope + share * (to.slope - from.slope)};
     }
   }
-  *this = kept;
+  std::copy_n(kept.corners.begin(), kept.size, corners.begin());
+  size = kept.size;
 }
 
 }  // namespace submapd::driver

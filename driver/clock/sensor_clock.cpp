@@ -160,16 +160,18 @@ Interval SensorClock::device_us(std::int64_t stamp_ms) {
   const double nominal_us = static_cast<double>(index_) * options_.scan_period_us;
   const double x = nominal_us / kUs;
   const auto bound = [&] {
-    rotor_.below(x, stamp_us + 1e3 - nominal_us);
-    rotor_.above(x, stamp_us - nominal_us);
+    rotor_.below(x, stamp_us + 1e3 - nominal_us + options_.rotor_jitter_us);
+    rotor_.above(x, stamp_us - nominal_us - options_.rotor_jitter_us);
   };
   bound();
   if (rotor_.contradictory()) {
     restart_if_contradictory(rotor_);
     bound();
   }
-  const Interval offset = rotor_.at(x);
-  const Interval device = Interval{nominal_us + offset.low, nominal_us + offset.high}.meet({stamp_us, stamp_us + 1e3});
+  const Interval smooth = rotor_.at(x);
+  const Interval turn{nominal_us + smooth.low - options_.rotor_jitter_us,
+                      nominal_us + smooth.high + options_.rotor_jitter_us};
+  const Interval device = turn.meet({stamp_us, stamp_us + 1e3});
   return device.empty() ? Interval{stamp_us, stamp_us + 1e3} : device;
 }
 

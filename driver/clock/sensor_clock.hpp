@@ -36,6 +36,7 @@ struct ClockOptions {
   double max_skew_change_ppm_s = 0.02;  // ... and how fast temperature moves it
   double max_rotor_error = 0.02;        // the rotor's speed, relative to nominal
   double max_rotor_change_ppm_s = 5.0;  // ... and how fast it changes
+  double rotor_jitter_us = 30.0;        // a single turn, or its stamp, is off the smooth motion by at most so much
   double usb_grid_us = 1000.0;          // 1000 on full-speed host controllers, 125 on xHCI root ports
   double wake_up_us = 150.0;            // of two seconds' scans the fastest is stamped at most so late by the host
   double longest_delay_us = 10'000.0;   // last beam to first byte of a prompt scan, until TM1 tells it better

@@ -1,6 +1,6 @@
 // Turns the bytes of a SCIP 2.0 sensor into events: every line summed, every byte range-checked, every value counted.
 //
-// One thread. Never blocks, never throws, never allocates: all memory is in the object (some 45 kB). The events do not
+// One thread. Never blocks, never throws, never allocates: all memory is in the object (80 kB). The events do not
 // depend on how the bytes are cut into feed() calls. Framing, checks and the way back after a fault follow the rules of
 // SCIP 2.0 (C-42-03320B) as real sensors keep them: a damaged frame gives one fault; then everything is skipped up to a
 // blank line or up to a line that is exactly an expected echo.

@@ -316,6 +316,18 @@ TEST(UsbGrid, IsReadFromTheArrivalsOfReplies) {
   }
 }
 
+// A rotor that jitters more than promised: the millisecond of the stamp still holds, and the break is counted.
+TEST(SensorClock, ARestlessRotorCostsPrecisionAndIsCounted) {
+  SimOptions options;
+  options.jitter_us = 300.0;
+  Ride run(options);
+  run.synchronise(150);
+  run.scan_for(2.0 * kMinute_us);
+  EXPECT_GT(run.clock.contradictions(), 0U);
+  EXPECT_EQ(run.lost + run.repeated, 0U);
+  EXPECT_LT(std::abs(run.error_us), 2000.0);
+}
+
 // A crystal that breaks the promise (5 ppm in a second): bounds are begun anew and the break is counted.
 TEST(SensorClock, ABrokenPromiseIsCountedAndHealed) {
   SimOptions options;

@@ -18,6 +18,7 @@ struct SimOptions {
   double firmware_us = 900.0;  // last beam to the first byte's being ready
   double rotor_ppm = 300.0;    // turns are longer by so much than 25 device milliseconds
   double wander_us = 100.0;    // the rotor hunts about its mean by so much, once a minute
+  double jitter_us = 20.0;     // and single turns are off that by up to so much
   double late_share = 0.05;    // packets that the host handles late
   double late_us = 3000.0;     // ... by so much on average
   double stamp_to_first_beam_us = 0.0;
@@ -52,14 +53,15 @@ class SensorSim {
   Scan next_scan() {
     const double sweep_us = 18'750.0;
     for (;; ++turn_) {
-      const double stamped_us = host_of(turn_device_us(turn_));
+      const double stamped_device_us = turn_device_us(turn_) + uniform(-options_.jitter_us, options_.jitter_us);
+      const double stamped_us = host_of(stamped_device_us);
       const double first_beam_us = stamped_us + options_.stamp_to_first_beam_us;
       const double end_us = first_beam_us + sweep_us;
       if (end_us < now_us_) continue;
       const double arrival_us = std::max(deliver(end_us + options_.firmware_us), last_arrival_us_);
       last_arrival_us_ = arrival_us;
       now_us_ = end_us;
-      const auto device_ms = static_cast<std::uint64_t>(std::floor(turn_device_us(turn_) / 1e3));
+      const auto device_ms = static_cast<std::uint64_t>(std::floor(stamped_device_us / 1e3));
       ++turn_;
       return {static_cast<std::uint32_t>(device_ms & 0xFFFFFF), to_ns(arrival_us), first_beam_us};
     }
