@@ -122,6 +122,7 @@ TEST_P(ScannersFault, CostsNoMoreThanPromisedAndTheOtherNotices) {
   })) << "no fault happened";
   ASSERT_TRUE(rig.wait_for_scans(0, before + 20));
   rig.stop();
+  RecordProperty("without_scans_ms", static_cast<int>(1e3 * rig.verdict(0).longest_gap_s));
   EXPECT_GT(rig.verdict(0).longest_gap_s, 1.5 * kTurn_s) << "the fault did nothing";
   EXPECT_LT(rig.verdict(0).longest_gap_s, fault.longest_gap_s + 0.5 * kTurn_s);
   EXPECT_EQ(rig.verdict(0).false_scans, 0U);
