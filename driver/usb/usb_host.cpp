@@ -24,7 +24,8 @@ std::string path_of(libusb_device* device) {
   const int depth = libusb_get_port_numbers(device, ports.data(), kDeepest);
   std::string path = std::to_string(libusb_get_bus_number(device));
   for (int i = 0; i < depth; ++i) {
-    path += (i == 0 ? "-" : ".") + std::to_string(ports[static_cast<std::size_t>(i)]);
+    path += i == 0 ? '-' : '.';
+    path += std::to_string(ports[static_cast<std::size_t>(i)]);
   }
   return path;
 }

@@ -29,7 +29,8 @@ struct UsbId {
 struct UsbOptions {
   std::vector<UsbId> ids = {{0x15d1, 0x0000}};  // all URG, UTM, UXM and UTX scanners share this one
   // 16 of 4096 bytes hold half a second of MD. A transfer ends with a short packet, hence with the scan at the latest.
-  // Smaller ones tell a scan's first bytes sooner, but each costs a submission and a wake-up (tests/soak/scanners_soak.py
+  // Smaller ones tell a scan's first bytes sooner, but each costs a submission and a wake-up
+  // (tests/soak/scanners_soak.py
   // --transfer-bytes shows it), and the clock learns the constant delay anyway. REQUIRES: bytes a multiple of 64, else
   // full packets overflow.
   std::size_t transfers = 16;
