@@ -25,9 +25,22 @@ struct Key {
   double low = 0.0;
   double high = 0.0;
   std::variant<double*, int*, std::uint64_t*, bool*, std::function<bool(std::string_view)>> field;
-  std::string choices;  // of a text key
+  std::string words;  // what a text key may be
   std::string text_default;
 };
+
+// A serial number or a port: what both may hold is all that is checked, the rest is the scanner's affair.
+Key text_key(std::string_view section, std::string_view name, std::string_view meaning, std::string* field) {
+  const auto set = [field](std::string_view value) {
+    constexpr std::size_t kLongest = 32;
+    const bool good = value.size() <= kLongest && std::all_of(value.begin(), value.end(), [](char c) {
+      return (c >= '0' && c <= '9') || (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z') || c == '-' || c == '.';
+    });
+    if (good) *field = value;
+    return good;
+  };
+  return {section, name, "", meaning, 0, 0, set, "at most 32 letters, digits, points and dashes", ""};
+}
 
 std::vector<Key> keys_of(Configuration& c) {
   MapperOptions& m = c.mapper;
@@ -36,6 +49,15 @@ std::vector<Key> keys_of(Configuration& c) {
                            double high, auto* field, std::string_view meaning) {
     keys.push_back({section, name, unit, meaning, low, high, field, "", ""});
   };
+  driver::RoleRule& horizontal = c.scanner.roles[0];
+  driver::RoleRule& vertical = c.scanner.roles[1];
+  keys.push_back(text_key("scanner", "horizontal", "serial number of the scanner that maps", &horizontal.serial));
+  keys.push_back(text_key("scanner", "vertical", "serial number of the upright one, if there is one", &vertical.serial));
+  keys.push_back(text_key("scanner", "horizontal_port", "or the port it is plugged into", &horizontal.port));
+  keys.push_back(text_key("scanner", "vertical_port", "or the port of the upright one", &vertical.port));
+  add("scanner", "intensity", "", 0, 0, &c.scanner.intensity, "ask for echo strengths, too much for some firmware");
+  add("scanner", "stamp_to_first_beam", "us", -25'000, 25'000, &c.scanner.stamp_to_first_beam_us,
+      "the first beam comes this long after the stamp");
   keys.push_back({"filter", "mode", "", "particle filter: adaptive, rbpf (fixed number) or fastslam (textbook)", 0, 0,
                   [&m](std::string_view value) {
                     if (value == "adaptive")
@@ -48,7 +70,7 @@ std::vector<Key> keys_of(Configuration& c) {
                       return false;
                     return true;
                   },
-                  "adaptive, rbpf, fastslam", "adaptive"});
+                  "one of adaptive, rbpf, fastslam", "adaptive"});
   add("filter", "particles", "", 1, 500, &m.particles, "number of particles of rbpf and fastslam");
   add("filter", "max_adaptive_particles", "", 1, 500, &m.max_adaptive_particles, "most particles adaptive may spread");
   add("filter", "seed", "", 0, 9e15, &m.seed, "of all random numbers");
@@ -89,7 +111,7 @@ std::string sections_of(const std::vector<Key>& keys) {
 
 std::string allowed(const Key& key) {
   if (std::holds_alternative<bool*>(key.field)) return "true or false";
-  if (!key.choices.empty()) return fmt::format("one of {}", key.choices);
+  if (!key.words.empty()) return key.words;
   const std::string unit = fmt::format("{}{}", key.unit.empty() ? "" : " ", key.unit);
   if (!std::holds_alternative<double*>(key.field))
     return fmt::format("a whole number from {:.0f} to {:.0f}{}", key.low, key.high, unit);

@@ -9,12 +9,20 @@
 #include <string>
 #include <string_view>
 
+#include "driver/sensor_roles.hpp"
 #include "slam/base/status.hpp"
 #include "slam/filter/mapper.hpp"
 
 namespace submapd {
 
+struct ScannerConfiguration {
+  driver::RoleRules roles;               // nobody has a role until it is configured
+  bool intensity = false;                // ask for echo strengths too, which some firmware does not stand
+  double stamp_to_first_beam_us = 0.0;   // the first beam comes that long after the instant of the stamp
+};
+
 struct Configuration {
+  ScannerConfiguration scanner;
   MapperOptions mapper;
   std::size_t submap_cache_bytes = std::size_t{16} << 20;
   std::size_t graph_bytes = std::size_t{16} << 20;

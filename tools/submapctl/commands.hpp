@@ -10,6 +10,7 @@ using CommandRun = std::function<int()>;  // returns the exit code: 0 done, 1 fa
 
 void register_replay(CLI::App& app, CommandRun& run);
 void register_scip_decode(CLI::App& app, CommandRun& run);
+void register_sensors(CLI::App& app, CommandRun& run);
 void register_simulate(CLI::App& app, CommandRun& run);
 
 }  // namespace submapd::tools

@@ -11,6 +11,7 @@ int main(int argc, char** argv) {
     submapd::tools::CommandRun run;
     submapd::tools::register_replay(app, run);
     submapd::tools::register_scip_decode(app, run);
+    submapd::tools::register_sensors(app, run);
     submapd::tools::register_simulate(app, run);
     try {
       app.parse(argc, argv);

@@ -6,11 +6,9 @@
 #include <memory>
 #include <string>
 
-#include "tools/sim/floor_plan.hpp"
-#include "tools/sim/office.hpp"
 #include "tools/sim/scan_sink.hpp"
+#include "tools/sim/scene.hpp"
 #include "tools/sim/simulator.hpp"
-#include "tools/sim/tour_planner.hpp"
 #include "tools/submapctl/commands.hpp"
 
 namespace submapd::tools {
@@ -58,47 +56,9 @@ Status write_run(Simulator& simulator, ScanSink& log, ScanSink& truth) {
   return truth.finish();
 }
 
-struct Scene {
-  std::shared_ptr<const World> world;
-  Route route;
-};
-
-Expected<Route> read_route(const std::string& path) {
-  const Expected<std::string> text = read_text_file(path);
-  if (!text) {
-    return failure(text.error());
-  }
-  auto waypoints = parse_waypoints(*text, path);
-  if (!waypoints) {
-    return failure(waypoints.error());
-  }
-  constexpr double kClosed_m = 0.5;
-  Route route;
-  route.closed = waypoints->size() > 2 && (waypoints->front() - waypoints->back()).norm() < kClosed_m;
-  route.waypoints = std::move(*waypoints);
-  return route;
-}
-
-Expected<Scene> make_scene(const SimulateArguments& arguments) {
-  const bool office = arguments.world == "office";
-  Expected<FloorPlan> plan =
-      office ? FloorPlan{office_world(), World({}), {}} : load_floor_plan(arguments.world, arguments.resolution_m);
-  if (!plan) {
-    return failure(plan.error());
-  }
-  TourOptions tour;
-  tour.seed = arguments.seed;
-  Expected<Route> route = !arguments.waypoints.empty() ? read_route(arguments.waypoints)
-                          : office                     ? office_tour()
-                                                       : plan_tour(*plan, tour);
-  if (!route) {
-    return failure(route.error());
-  }
-  return Scene{std::make_shared<const World>(std::move(plan->world)), std::move(*route)};
-}
-
 int simulate(const SimulateArguments& arguments) {
-  const Expected<Scene> scene = make_scene(arguments);
+  const Expected<Scene> scene =
+      make_scene({arguments.world, arguments.waypoints, arguments.resolution_m, arguments.seed});
   if (!scene) {
     return report(scene.error());
   }

@@ -120,11 +120,24 @@ TEST(ConfigurationTest, TheDescriptionParsesBackToTheDefaults) {
   EXPECT_EQ(parsed->submap_cache_bytes, defaults.submap_cache_bytes);
   EXPECT_EQ(parsed->graph_bytes, defaults.graph_bytes);
   EXPECT_EQ(parsed->map_raster_bytes, defaults.map_raster_bytes);
-  EXPECT_EQ(described_keys().size(), 23U) << "compare the new key's field above";
+  EXPECT_EQ(parsed->scanner.roles[0].serial, "");
+  EXPECT_EQ(parsed->scanner.roles[1].serial, "");
+  EXPECT_EQ(parsed->scanner.roles[0].port, "");
+  EXPECT_EQ(parsed->scanner.roles[1].port, "");
+  EXPECT_EQ(parsed->scanner.intensity, defaults.scanner.intensity);
+  EXPECT_EQ(parsed->scanner.stamp_to_first_beam_us, defaults.scanner.stamp_to_first_beam_us);
+  EXPECT_EQ(described_keys().size(), 29U) << "compare the new key's field above";
 }
 
 TEST(ConfigurationTest, EveryKeySetsItsField) {
   const std::string text = R"(
+[scanner]
+horizontal = "H0903971"
+vertical = "00900001"
+horizontal_port = "1-1.2"
+vertical_port = "1-2"
+intensity = true
+stamp_to_first_beam = 3125.0
 [filter]
 mode = "fastslam"
 particles = 11
@@ -157,6 +170,12 @@ line_matching = false
 )";
   const Expected<Configuration> parsed = parse_configuration(text, "cart.toml");
   ASSERT_TRUE(parsed.has_value()) << parsed.error().message();
+  EXPECT_EQ(parsed->scanner.roles[0].serial, "H0903971");
+  EXPECT_EQ(parsed->scanner.roles[1].serial, "00900001");
+  EXPECT_EQ(parsed->scanner.roles[0].port, "1-1.2");
+  EXPECT_EQ(parsed->scanner.roles[1].port, "1-2");
+  EXPECT_TRUE(parsed->scanner.intensity);
+  EXPECT_EQ(parsed->scanner.stamp_to_first_beam_us, 3125.0);
   const MapperOptions& m = parsed->mapper;
   EXPECT_EQ(m.filter, FilterMode::kFastSlam);
   EXPECT_EQ(m.particles, 11);
@@ -209,7 +228,7 @@ TEST(ConfigurationTest, NumbersAreTakenAtBothEndsOfTheirRangeAndRefusedBeyond) {
       EXPECT_EQ(error_of(file_with(key, fmt::format("{:.0f}", std::ceil(range.low)))), "") << "2 is a number too";
     }
   }
-  EXPECT_EQ(numbers, 19);
+  EXPECT_EQ(numbers, 20);
 }
 
 TEST(ConfigurationTest, SwitchesAndTextsTakeTheirValuesOnly) {
@@ -222,6 +241,15 @@ TEST(ConfigurationTest, SwitchesAndTextsTakeTheirValuesOnly) {
       EXPECT_EQ(error_of(file_with(key, "false")), "");
       for (const char* const wrong : {"1", "\"true\"", "0.0"}) {
         EXPECT_THAT(error_of(file_with(key, wrong)), HasSubstr("must be true or false")) << wrong;
+      }
+      continue;
+    }
+    if (key.rule.starts_with("at most 32 ")) {
+      for (const char* const good : {"", "H0903971", "1-1.2", "abcdefghijklmnopqrstuvwxyz012345"}) {
+        EXPECT_EQ(error_of(file_with(key, fmt::format("\"{}\"", good))), "");
+      }
+      for (const char* const wrong : {"1", "\"H0 1\"", "\"\\u0000\"", "\"abcdefghijklmnopqrstuvwxyz0123456\""}) {
+        EXPECT_THAT(error_of(file_with(key, wrong)), HasSubstr(key.rule)) << wrong;
       }
       continue;
     }
@@ -241,7 +269,7 @@ TEST(ConfigurationTest, UnknownNamesAreToldWithTheKnownOnes) {
             "cart.toml:3: unknown key \"distanse\" in [keyframe]; known are distance, turn, wait");
   EXPECT_THAT(error_of("\n[keyfram]\ndistance = 1\n"), HasSubstr("unknown section [keyfram]"));
   EXPECT_THAT(error_of("\n[keyfram]\ndistance = 1\n"),
-              HasSubstr("known are filter, keyframe, submap, map, budget, experiment"));
+              HasSubstr("known are scanner, filter, keyframe, submap, map, budget, experiment"));
   EXPECT_THAT(error_of("[nothing]\n"), HasSubstr("cart.toml:1: unknown section [nothing]")) << "an empty one too";
   EXPECT_THAT(error_of("particles = 3\n"), HasSubstr("cart.toml:1: key \"particles\" stands outside any section"));
 }

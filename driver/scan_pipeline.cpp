@@ -1,0 +1,39 @@
+#include "driver/scan_pipeline.hpp"
+
+namespace submapd::driver {
+void ScanPipeline::on_time(const TimeSample& sample) noexcept {
+  clock_.add_time_reply(sample.sent_ns, sample.received_ns, sample.device_ms);
+  knows_clock_ = true;
+}
+
+// False if the scan does not fit a slot, which no configuration of ours asks for.
+bool ScanPipeline::fill(DeviceScan& slot, const scip::ScanData& scan, const ScanTime& time) const noexcept {
+  if (!set_values(scan, slot)) {
+    return false;
+  }
+  slot.first_beam_mono_ns = time.first_beam_mono_ns;
+  slot.error_bound_ns = time.error_bound_ns;
+  slot.index = time.index;
+  slot.lost = clock_.lost();
+  slot.repeated = clock_.repeated();
+  slot.epoch = clock_.epoch();
+  slot.flags |= (time.first_of_epoch ? kScanFirstOfEpoch : 0U) | (time.unsure ? kScanTimeUnsure : 0U) |
+                (after_fault_ ? kScanAfterFault : 0U);
+  return true;
+}
+
+void ScanPipeline::on_scan(const scip::ScanData& scan) noexcept {
+  const ScanTime time = clock_.add_scan(static_cast<std::uint32_t>(scan.time), scan.frame.first_byte_ns);
+  if (time.repeated) {
+    return;
+  }
+  for (ScanRing* const ring : rings_) {
+    DeviceScan* const slot = ring == nullptr ? nullptr : ring->claim();
+    if (slot != nullptr && fill(*slot, scan, time)) {
+      ring->publish();
+    }
+  }
+  after_fault_ = false;
+}
+
+}  // namespace submapd::driver

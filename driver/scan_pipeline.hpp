@@ -1,0 +1,45 @@
+// From a scanner's undamaged scans to stamped scans in rings: the last step on the USB thread.
+//
+// One for each role, kept while scanners come and go, so that what is known of the clock survives a cable that is
+// pulled. Threads: the event thread, which is the rings' producer. Neither allocates nor locks; a full ring drops the
+// scan and counts it, and the other ring still gets it.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "driver/clock/sensor_clock.hpp"
+#include "driver/ring/scan_ring.hpp"
+#include "driver/sensor.hpp"
+
+namespace submapd::driver {
+
+class ScanPipeline final : public SensorSink {
+ public:
+  static constexpr std::size_t kMaxRings = 2;  // mapper and recorder
+
+  // REQUIRES: the rings outlive the pipeline; nullptr where there is none.
+  ScanPipeline(const ClockOptions& clock, std::array<ScanRing*, kMaxRings> rings) : clock_(clock), rings_(rings) {}
+  ScanPipeline(const ScanPipeline&) = delete;
+  ScanPipeline& operator=(const ScanPipeline&) = delete;
+  ~ScanPipeline() = default;
+
+  void on_scan(const scip::ScanData& scan) noexcept override;
+  void on_damaged_scan() noexcept override { after_fault_ = true; }
+  void on_time(const TimeSample& sample) noexcept override;
+  void on_new_clock() noexcept override { clock_.begin_epoch(); }
+  [[nodiscard]] bool knows_clock() const noexcept override { return knows_clock_; }
+
+  // Event thread only, or after it has ended.
+  [[nodiscard]] const SensorClock& clock() const { return clock_; }
+
+ private:
+  [[nodiscard]] bool fill(DeviceScan& slot, const scip::ScanData& scan, const ScanTime& time) const noexcept;
+
+  SensorClock clock_;
+  std::array<ScanRing*, kMaxRings> rings_;
+  bool knows_clock_ = false;
+  bool after_fault_ = false;
+};
+
+}  // namespace submapd::driver

@@ -1,0 +1,161 @@
+// The driver as the daemon runs it, alone in a process, so that its processor time can be told: scanners through
+// libusb, clock, rings, and a reader for each ring. Writes what it saw for scanners_soak.py to judge.
+#include <fmt/format.h>
+#include <sys/resource.h>
+
+#include <CLI/CLI.hpp>
+#include <array>
+#include <atomic>
+#include <chrono>
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "driver/scan_pipeline.hpp"
+#include "driver/scanners.hpp"
+#include "tools/hokuyo_sim/monotonic.hpp"
+
+namespace submapd::driver {
+namespace {
+
+// Notes when each scan was in the ring.
+class TimedPipeline final : public SensorSink {
+ public:
+  struct Entry {
+    std::uint32_t stamp_ms;
+    std::int64_t in_ring_ns;
+  };
+  TimedPipeline(ScanRing& ring, std::size_t scans) : pipeline_({}, {&ring, nullptr}) { entries.reserve(scans); }
+
+  void on_scan(const scip::ScanData& scan) noexcept override {
+    pipeline_.on_scan(scan);
+    if (entries.size() < entries.capacity()) {
+      entries.push_back({static_cast<std::uint32_t>(scan.time), tools::monotonic_ns()});
+    }
+  }
+  void on_damaged_scan() noexcept override { pipeline_.on_damaged_scan(); }
+  void on_time(const TimeSample& sample) noexcept override { pipeline_.on_time(sample); }
+  void on_new_clock() noexcept override { pipeline_.on_new_clock(); }
+  bool knows_clock() const noexcept override { return pipeline_.knows_clock(); }
+
+  std::vector<Entry> entries;
+
+ private:
+  ScanPipeline pipeline_;
+};
+
+struct Seen {
+  DeviceScan last;
+  std::uint64_t scans = 0;
+};
+
+class OutputFile {
+ public:
+  explicit OutputFile(const std::string& path) : file_(std::fopen(path.c_str(), "we")) {}
+  OutputFile(const OutputFile&) = delete;
+  OutputFile& operator=(const OutputFile&) = delete;
+  ~OutputFile() {
+    if (file_ != nullptr) {
+      std::fclose(file_);
+    }
+  }
+  void print(const std::string& line) { std::fwrite(line.data(), 1, line.size(), file_); }
+  [[nodiscard]] bool ok() const { return file_ != nullptr; }
+
+ private:
+  std::FILE* file_;
+};
+
+double cpu_s() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  const auto seconds = [](const timeval& t) {
+    return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec);
+  };
+  return seconds(usage.ru_utime) + seconds(usage.ru_stime);
+}
+
+int run(double run_s, const std::string& out, const std::array<std::string, 2>& serials, const UsbOptions& usb) {
+  auto event = EventFd::open();
+  if (!event) {
+    fmt::print(stderr, "scanners_soak: {}\n", event.error().message);
+    return 1;
+  }
+  Doorbell bell(std::move(*event));
+  std::array<ScanRing, 2> rings = {ScanRing(160, &bell), ScanRing(160, &bell)};
+  const auto most = static_cast<std::size_t>(41.0 * (run_s + 20.0));
+  std::array<TimedPipeline, 2> sinks = {TimedPipeline(rings[0], most), TimedPipeline(rings[1], most)};
+  ScannersOptions options;
+  options.roles = {RoleRule{serials[0], ""}, RoleRule{serials[1], ""}};
+  Scanners scanners(options, {&sinks[0], &sinks[1]});
+  auto host = UsbHost::create(usb, scanners);
+  if (!host) {
+    fmt::print(stderr, "scanners_soak: {}\n", host.error().message);
+    return 1;
+  }
+  OutputFile file(out);
+  if (!file.ok()) {
+    fmt::print(stderr, "scanners_soak: cannot write {}\n", out);
+    return 1;
+  }
+  std::thread events([&host] { (*host)->run(); });
+
+  std::array<Seen, 2> seen;
+  const auto both = [&seen] { return seen[0].scans > 0 && seen[1].scans > 0; };
+  std::int64_t end_ns = tools::monotonic_ns() + 30'000'000'000;  // for the start-up
+  double cpu_before_s = 0.0;
+  bool measuring = false;
+  while (tools::monotonic_ns() < end_ns) {
+    bell.wait([&rings] { return rings[0].has_data() || rings[1].has_data(); }, std::chrono::milliseconds(100));
+    for (std::size_t i = 0; i < 2; ++i) {
+      while (const DeviceScan* const scan = rings[i].front()) {
+        seen[i].last = *scan;
+        ++seen[i].scans;
+        file.print(fmt::format("scan {} {} {} {} {}\n", serials[i], scan->epoch, scan->device_ms,
+                               scan->first_beam_mono_ns, scan->error_bound_ns));
+        rings[i].pop();
+      }
+    }
+    if (!measuring && both()) {
+      measuring = true;
+      end_ns = tools::monotonic_ns() + static_cast<std::int64_t>(1e9 * run_s);
+      cpu_before_s = cpu_s();
+    }
+  }
+  const double share = measuring ? (cpu_s() - cpu_before_s) / run_s : 0.0;
+  const auto states = scanners.snapshot();
+  (*host)->stop();
+  events.join();
+  for (std::size_t i = 0; i < 2; ++i) {
+    for (const TimedPipeline::Entry& entry : sinks[i].entries) {
+      file.print(fmt::format("ring {} {} {}\n", serials[i], entry.stamp_ms, entry.in_ring_ns));
+    }
+    file.print(fmt::format("total {} {} {} {} {}\n", serials[i], seen[i].scans, seen[i].last.lost,
+                           seen[i].last.repeated, rings[i].dropped()));
+  }
+  for (const ScannerInfo& scanner : states) {
+    file.print(fmt::format("counters {} {} {} {} {}\n", scanner.status.identity.serial, scanner.counters.faults,
+                           scanner.counters.gaps, scanner.counters.starts_again, scanner.counters.quits));
+  }
+  file.print(fmt::format("cpu {}\n", share));
+  return measuring ? 0 : 1;
+}
+
+}  // namespace
+}  // namespace submapd::driver
+
+int main(int argc, char** argv) {
+  CLI::App app("Runs the driver with two scanners and writes what it saw", "scanners_soak");
+  double seconds = 10.0;
+  std::string out;
+  std::array<std::string, 2> serials = {"00900001", "00900002"};
+  app.add_option("--seconds", seconds, "From the first scan of both on")->capture_default_str();
+  app.add_option("--out", out, "File for what was seen")->required();
+  submapd::driver::UsbOptions usb;
+  app.add_option("--transfer-bytes", usb.transfer_bytes, "Of one USB transfer, a multiple of 64")
+      ->capture_default_str();
+  CLI11_PARSE(app, argc, argv);
+  return submapd::driver::run(seconds, out, serials, usb);
+}

@@ -1,0 +1,145 @@
+// From the transfer's bytes to the ring our code neither allocates nor locks: counted over 100 000 scans.
+#include <dlfcn.h>
+#include <gtest/gtest.h>
+#include <pthread.h>
+
+#include <cstddef>
+#include <cstdlib>
+
+#include "driver/scan_pipeline.hpp"
+#include "tests/unit/driver_sim/sim_rig.hpp"
+
+// A sanitizer has its own malloc, which must not be replaced.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define SUBMAPD_COUNTS_CALLS 0
+#else
+#define SUBMAPD_COUNTS_CALLS 1
+#endif
+
+namespace {
+thread_local bool armed = false;
+thread_local std::size_t allocations = 0;
+thread_local std::size_t locks = 0;
+}  // namespace
+
+#if SUBMAPD_COUNTS_CALLS
+extern "C" {
+void* __libc_malloc(std::size_t size);
+void* __libc_calloc(std::size_t count, std::size_t size);
+void* __libc_realloc(void* old, std::size_t size);
+
+void* malloc(std::size_t size) {
+  allocations += armed ? 1U : 0U;
+  return __libc_malloc(size);
+}
+void* calloc(std::size_t count, std::size_t size) {
+  allocations += armed ? 1U : 0U;
+  return __libc_calloc(count, size);
+}
+void* realloc(void* old, std::size_t size) {
+  allocations += armed ? 1U : 0U;
+  return __libc_realloc(old, size);
+}
+int pthread_mutex_lock(pthread_mutex_t* mutex) {
+  using Lock = int (*)(pthread_mutex_t*);
+  static const Lock kReal = reinterpret_cast<Lock>(dlsym(RTLD_NEXT, "pthread_mutex_lock"));
+  locks += armed ? 1U : 0U;
+  return kReal(mutex);
+}
+}
+#endif
+
+namespace submapd::driver::test {
+namespace {
+
+// Only what lies between the transfer's completion and the ring is armed.
+class ArmedRig : private ByteLink, private SensorOwner {
+ public:
+  ArmedRig()
+      : sim_({}, turning_ranges(), {}), ring_(64), pipeline_({}, {&ring_, nullptr}), sensor_(options(), "1-1", *this) {
+    sim_.power_on(0);
+    now_ns_ = 2'000'000'000;  // it has booted
+    while (sim_.take(now_ns_)) {
+    }
+    sensor_.on_open(*this, now_ns_);
+  }
+
+  void run(std::uint64_t scans) {
+    const std::uint64_t end = sensor_.counters().scans + scans;
+    while (sensor_.counters().scans < end) {
+      now_ns_ = std::max(now_ns_, std::min(sim_.next_event_ns(), sensor_.next_time_ns()));
+      while (const auto output = sim_.take(now_ns_)) {
+        deliver(output->bytes);
+      }
+      if (sensor_.next_time_ns() <= now_ns_) {
+        static_cast<LinkClient&>(sensor_).on_time(now_ns_);
+      }
+      while (ring_.front() != nullptr) {
+        ring_.pop();
+      }
+    }
+  }
+  bool watch = false;
+
+ private:
+  static SensorOptions options() {
+    SensorOptions options;
+    options.first_samples = 20;
+    return options;
+  }
+  void deliver(std::span<const std::uint8_t> bytes) {
+    while (!bytes.empty()) {
+      const std::size_t length = std::min<std::size_t>(512, bytes.size());
+      armed = watch;
+      sensor_.on_bytes(bytes.first(length), now_ns_, 0);
+      armed = false;
+      bytes = bytes.subspan(length);
+    }
+  }
+  bool write(std::span<const std::uint8_t> bytes) noexcept override {
+    sim_.receive(now_ns_, bytes);
+    return true;
+  }
+  void reset() noexcept override {}
+  Expected<SensorAssignment> assign(const SensorIdentity&) override { return SensorAssignment{&pipeline_, false}; }
+  void on_status(const SensorStatus&) noexcept override {}
+
+  std::int64_t now_ns_ = 0;
+  SimSensor sim_;
+  ScanRing ring_;
+  ScanPipeline pipeline_;
+  Sensor sensor_;
+};
+
+TEST(QuietPath, TheCountersCount) {
+#if SUBMAPD_COUNTS_CALLS
+  pthread_mutex_t mutex = PTHREAD_MUTEX_INITIALIZER;
+  armed = true;
+  void* const block = std::malloc(100);
+  pthread_mutex_lock(&mutex);
+  armed = false;
+  pthread_mutex_unlock(&mutex);
+  std::free(block);
+  EXPECT_EQ(allocations, 1U);
+  EXPECT_EQ(locks, 1U);
+#endif
+}
+
+TEST(QuietPath, NothingIsAllocatedOrLockedOnTheWayToTheRing) {
+#if SUBMAPD_COUNTS_CALLS
+  constexpr std::uint64_t kScans = 100'000;
+#else
+  constexpr std::uint64_t kScans = 100;  // nothing is counted here
+#endif
+  ArmedRig rig;
+  rig.run(10);  // the start-up may
+  allocations = 0;
+  locks = 0;
+  rig.watch = true;
+  rig.run(kScans);
+  EXPECT_EQ(allocations, 0U);
+  EXPECT_EQ(locks, 0U);
+}
+
+}  // namespace
+}  // namespace submapd::driver::test

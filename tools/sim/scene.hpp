@@ -1,0 +1,28 @@
+// A world by name or file, and the way of a cart through it: what the simulating programs start from.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include "slam/base/status.hpp"
+#include "tools/sim/motion.hpp"
+#include "tools/sim/world.hpp"
+
+namespace submapd::tools {
+
+struct SceneRequest {
+  std::string world;           // "office", or a file of walls (.csv) or a grey map (.pgm, .pgm.gz)
+  std::string waypoints;       // file, x,y in m a line; empty: a tour is planned
+  double resolution_m = 0.05;  // a cell of a grey map
+  std::uint64_t seed = 1;      // of the planned tour
+};
+
+struct Scene {
+  std::shared_ptr<const World> world;
+  Route route;
+};
+
+[[nodiscard]] Expected<Scene> make_scene(const SceneRequest& request);
+
+}  // namespace submapd::tools

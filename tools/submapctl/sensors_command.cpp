@@ -1,0 +1,87 @@
+// submapctl sensors: what is plugged in, and which scanner is the horizontal and which the vertical one.
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "daemon/configuration.hpp"
+#include "tools/sensors/role_assignment.hpp"
+#include "tools/sensors/sensor_survey.hpp"
+#include "tools/submapctl/commands.hpp"
+
+namespace submapd::tools {
+namespace {
+
+struct SensorsArguments {
+  std::string config = "/etc/submapd/submapd.toml";
+  bool json = false;
+  std::vector<std::string> assign;
+  double wait_s = SurveyOptions{}.longest_s;
+};
+
+int report(const Status& status) {
+  fmt::print(stderr, "submapctl sensors: {}\n", status.message());
+  return status.code() == StatusCode::kInvalidArgument ? 2 : 1;
+}
+
+int assign(const SensorsArguments& arguments) {
+  const auto roles = parse_assignment(arguments.assign);
+  if (!roles) {
+    return report(roles.error());
+  }
+  if (const Status status = assign_roles(arguments.config, *roles); !status.ok()) {
+    return report(status);
+  }
+  fmt::print("{}: H is {}, V is {}. A running submapd takes it at its next start.\n", arguments.config,
+             roles->horizontal, roles->vertical.value_or("nobody"));
+  return 0;
+}
+
+int list(const SensorsArguments& arguments) {
+  SurveyOptions options;
+  options.longest_s = arguments.wait_s;
+  const auto configuration = load_configuration(arguments.config);
+  if (configuration) {
+    options.roles = configuration->scanner.roles;
+  } else if (configuration.error().code() != StatusCode::kNotFound) {
+    return report(configuration.error());
+  }
+  const auto sensors = survey_sensors(options);
+  if (!sensors) {
+    return report(sensors.error());
+  }
+  if (arguments.json) {
+    fmt::print("{}", json_of(*sensors));
+  } else if (sensors->empty()) {
+    fmt::print(stderr, "submapctl sensors: no scanner is plugged in (USB 15d1:0000 with a serial line)\n");
+  } else {
+    fmt::print("{}", table_of(*sensors));
+  }
+  return 0;
+}
+
+}  // namespace
+
+void register_sensors(CLI::App& app, CommandRun& run) {
+  auto arguments = std::make_shared<SensorsArguments>();
+  CLI::App* command =
+      app.add_subcommand("sensors", "Scanners that are plugged in (not while submapd has them), and their roles");
+  command->add_flag("--json", arguments->json, "A JSON array instead of a table");
+  command
+      ->add_option(
+          "--assign", arguments->assign,
+          "H=SERIAL V=SERIAL: writes into the configuration which scanner maps and which stands upright; V may "
+          "be left out")
+      ->expected(1, 2);
+  command->add_option("--config", arguments->config, "Configuration file")->capture_default_str();
+  command->add_option("--wait", arguments->wait_s, "Longest time to wait for answers in s")
+      ->check(CLI::Range(0.1, 120.0))
+      ->capture_default_str();
+  command->callback([arguments, &run] {
+    run = [arguments] { return arguments->assign.empty() ? list(*arguments) : assign(*arguments); };
+  });
+}
+
+}  // namespace submapd::tools
