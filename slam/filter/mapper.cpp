@@ -199,7 +199,9 @@ struct Mapper::Impl {
     }
     CounterRandom random(options.seed, scan_index, index);
     const Eigen::Matrix3d root = p.covariance.llt().matrixL();
-    const Eigen::Vector3d z(random.gaussian(), random.gaussian(), random.gaussian());
+    // One by one: in what order the arguments of a call are drawn depends on the compiler.
+    Eigen::Vector3d z;
+    for (const int axis : {2, 1, 0}) z(axis) = random.gaussian();
     const Eigen::Vector3d d = root * z;
     p.pose = {mode.x + d(0), mode.y + d(1), mode.yaw + d(2)};
   }

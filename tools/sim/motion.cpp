@@ -25,6 +25,8 @@ constexpr double kSlowest_m_s = 0.02;
 constexpr std::uint64_t kJitterStream = 0x4A495454;
 constexpr std::uint64_t kWobbleStream = 0x574F4242;
 
+constexpr double kMostLaps = 1e5;
+
 // 0 at 0, 1 from 1 on, twice continuously differentiable; steepest slope 1.875.
 double smootherstep(double u) {
   u = std::clamp(u, 0.0, 1.0);
@@ -40,7 +42,10 @@ std::vector<Eigen::Vector2d> lay_out_laps(const Route& route, const MotionOption
   for (std::size_t i = 1; i < route.waypoints.size(); ++i) {
     lap_m += (route.waypoints[i] - route.waypoints[i - 1]).norm();
   }
-  const double laps = options.duration_s > 0.0 ? std::ceil(options.duration_s * options.speed_m_s / lap_m) : 1.0;
+  // A way without length is refused later; it must not have infinitely many laps before.
+  const bool repeats = options.duration_s > 0.0 && lap_m > 0.0;
+  const double laps =
+      repeats ? std::clamp(std::ceil(options.duration_s * options.speed_m_s / lap_m), 0.0, kMostLaps) : 1.0;
   std::vector<Eigen::Vector2d> points;
   const auto add = [&](const Eigen::Vector2d& waypoint) {
     CounterRandom random(options.seed, kJitterStream, points.size());

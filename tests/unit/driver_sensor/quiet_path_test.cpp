@@ -9,8 +9,13 @@
 #include "driver/scan_pipeline.hpp"
 #include "tests/unit/driver_sim/sim_rig.hpp"
 
-// A sanitizer has its own malloc, which must not be replaced.
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+// A sanitizer has its own malloc, which must not be replaced. g++ and clang tell of it in different ways.
+#if defined(__has_feature)
+#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
+#define SUBMAPD_SANITIZED 1
+#endif
+#endif
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__) || defined(SUBMAPD_SANITIZED)
 #define SUBMAPD_COUNTS_CALLS 0
 #else
 #define SUBMAPD_COUNTS_CALLS 1

@@ -217,11 +217,16 @@ std::vector<VirtualLandmark> SimulatedRun::landmarks(const FinishedSubmap& a, co
   const bool lie = !is_true(match);
   std::vector<VirtualLandmark> chosen;
   for (int k = 0; k < 8; ++k) {
-    const Eigen::Vector2d spot = place + Eigen::Vector2d(random.uniform(-5.0, 5.0), random.uniform(-5.0, 5.0));
+    // One by one: in what order the arguments of a call are drawn depends on the compiler.
+    const double aside = random.uniform(-5.0, 5.0);
+    const double ahead = random.uniform(-5.0, 5.0);
+    const Eigen::Vector2d spot = place + Eigen::Vector2d(ahead, aside);
     const auto seen_in = [&](const FinishedSubmap& submap) -> Eigen::Vector2d {
       const Keyframe& keyframe = submap.keyframes[nearest_keyframe(submap, spot)];
+      const double noise_y = random.gaussian();
+      const double noise_x = random.gaussian();
       return transform(keyframe.pose, transform(inverse(truth_[keyframe.scan_index]), spot)) +
-             sigma * Eigen::Vector2d(random.gaussian(), random.gaussian());
+             sigma * Eigen::Vector2d(noise_x, noise_y);
     };
     VirtualLandmark landmark;
     landmark.a = a.id.index;
