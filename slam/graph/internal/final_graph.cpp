@@ -10,6 +10,9 @@ constexpr int kFinalIterations = 50;
 // Loops have been judged by now: the loss only has to spoil single landmarks (a cabinet moved), not whole loops, so it
 // starts later than live (95 % efficiency for Gaussian errors).
 constexpr double kFinalCauchyScale = 2.385;
+// Rows of landmarks at most, as far as each landmark keeps one in each of its sub-maps: a row takes half a kilobyte while
+// the graph is solved.
+constexpr std::size_t kMostSights = 40'000;
 constexpr double kStepFloorM = 0.002;
 constexpr double kStepFloorRad = 0.03 * kDegree;
 // Sub-map vertices are names for key-frames, not measurements.
@@ -51,13 +54,23 @@ void add_track(TrackGraph& graph, const GraphModel& model) {
   }
 }
 
+std::size_t observations_of(const std::vector<VirtualLandmark>& landmarks) {
+  std::size_t count = 0;
+  for (const VirtualLandmark& landmark : landmarks) count += landmark.observations.size();
+  return count;
+}
+
+// Of each landmark's observations in one sub-map, every stride-th is taken, the first always.
 void add_sights(TrackGraph& graph, const GraphModel& model, const std::vector<VirtualLandmark>& landmarks,
-                double covariance_scale) {
+                double covariance_scale, std::size_t stride) {
   for (const VirtualLandmark& landmark : landmarks) {
     const auto number = static_cast<std::uint32_t>(graph.landmarks.size());
     const std::size_t before = graph.sights.size();
+    std::size_t seen_in_a = 0;
+    std::size_t seen_in_b = 0;
     for (const LandmarkObservation& seen : landmark.observations) {
       if (seen.submap >= model.submaps.size()) continue;
+      if ((seen.submap == landmark.a ? seen_in_a : seen_in_b)++ % stride != 0) continue;
       const auto& keyframes = model.submaps[seen.submap].keyframes;
       if (seen.keyframe >= keyframes.size() || !whitening(seen.covariance)) continue;
       graph.sights.push_back({position_of(graph, keyframes[seen.keyframe].scan_index), number, seen.z,
@@ -74,9 +87,15 @@ void add_sights(TrackGraph& graph, const GraphModel& model, const std::vector<Vi
 TrackGraph build_track_graph(const GraphModel& model) {
   TrackGraph graph;
   add_track(graph, model);
-  for (const ChainLink& link : model.links) add_sights(graph, model, link.landmarks, 2.0);
+  std::size_t offered = 0;
+  for (const ChainLink& link : model.links) offered += observations_of(link.landmarks);
   for (const LoopRecord& record : model.loops) {
-    if (record.loop.state == LoopState::kConfirmed) add_sights(graph, model, record.landmarks, 1.0);
+    if (record.loop.state == LoopState::kConfirmed) offered += observations_of(record.landmarks);
+  }
+  const std::size_t stride = std::max<std::size_t>(1, (offered + kMostSights - 1) / kMostSights);
+  for (const ChainLink& link : model.links) add_sights(graph, model, link.landmarks, 2.0, stride);
+  for (const LoopRecord& record : model.loops) {
+    if (record.loop.state == LoopState::kConfirmed) add_sights(graph, model, record.landmarks, 1.0, stride);
   }
   return graph;
 }
