@@ -132,7 +132,7 @@ struct Mapper::Impl {
     if (!window.may_hand_over()) return;
     if (edge_of_span) {
       hand_over(FinishReason::kDegenerate);
-    } else if (fullness >= 1.0 && (single() || !adaptive() || fullness >= 1.25)) {
+    } else if (fullness >= 1.0 && (single() || !adaptive() || fullness >= kMostFullness)) {
       hand_over(reason);
     }
   }
@@ -143,6 +143,8 @@ struct Mapper::Impl {
   }
 
   // ---- motion ----
+
+  [[nodiscard]] Twist2 unwarp_twist() const { return options.unwarp ? last_twist : Twist2{}; }
 
   [[nodiscard]] PredictedMotion predict(const Particle& p, double step_s) const {
     return odometry_delta ? predict_by_odometry(*odometry_delta, options.motion)
@@ -249,7 +251,7 @@ struct Mapper::Impl {
   // Twists, for the next prediction and for unwarping this sweep once more if the first guess was off.
   void learn_motion(const Scan& scan, const Pose2& before, double step_s, bool fits) {
     const Pose2 delta = between(before, set.best().pose);
-    const Twist2 last = unwarp_twist;
+    const Twist2 last = unwarp_twist();
     if (textbook()) {
       const Twist2 common = learn_twist(last_twist, delta, step_s, options.motion);
       for (Particle& p : set.particles()) p.twist = common;
@@ -267,7 +269,6 @@ struct Mapper::Impl {
       }
     }
     last_twist = set.best().twist;
-    unwarp_twist = options.unwarp ? last_twist : Twist2{};
     if (std::hypot(delta.x, delta.y) > kMoved_m || std::abs(delta.yaw) > kMoved_rad) moved_since_resampling = true;
     if (odometry_delta && options.odometry == OdometryUse::kAuto && fits) gate.judge(*odometry_delta, delta);
   }
@@ -293,7 +294,6 @@ struct Mapper::Impl {
     if (lost_time_s <= options.motion.max_extrapolation_s) return;
     for (Particle& p : set.particles()) p.twist = {};
     last_twist = {};
-    unwarp_twist = {};
   }
 
   void normalise() {
@@ -374,7 +374,7 @@ struct Mapper::Impl {
     // Both ends were matched to the same map: the step is as uncertain as the two matches.
     const Eigen::Matrix3d step = turned(last_keyframe_covariance + last_covariance, -before.yaw);
     last_keyframe_covariance = last_covariance;
-    set.insert_keyframe(scan, unwarp_twist, registration.points().beams(), registration.points().origin(), step,
+    set.insert_keyframe(scan, unwarp_twist(), registration.points().beams(), registration.points().origin(), step,
                         degenerate_since_keyframe);
     degenerate_since_keyframe = degeneracy.active();
     last_keyframe_index = scan.index;
@@ -400,7 +400,7 @@ struct Mapper::Impl {
   void track(const Scan& scan, double elapsed_s, ScanReport& report, KnownFit& fit) {
     period.add(elapsed_s);
     const double step_s = std::max(elapsed_s, period.median_s());
-    registration.assign(scan, unwarp_twist);
+    registration.assign(scan, unwarp_twist());
     const Pose2 before = set.best().pose;
     std::optional<CorrelativeResult> found;
     fit = textbook() ? filter_by_sampling(scan, step_s) : filter_by_matching(scan, step_s, found);
@@ -462,7 +462,6 @@ struct Mapper::Impl {
   std::optional<Pose2> odometry_delta;
   std::int64_t last_stamp_us = 0;
   Twist2 last_twist;
-  Twist2 unwarp_twist;  // the last, or zero where unwarping is turned off
   Eigen::Matrix3d last_covariance = Eigen::Matrix3d::Zero();
   Eigen::Matrix3d last_keyframe_covariance = Eigen::Matrix3d::Zero();
   std::uint64_t last_keyframe_index = 0;

@@ -4,17 +4,12 @@
 #include <cmath>
 
 namespace submapd {
-namespace {
-
-constexpr double kOverfull = 1.25;  // a sub-map whose particles disagree may grow this far beyond its limits
-
-}  // namespace
 
 ActiveSubmap::ActiveSubmap(const IndexMapOptions& options, const SubmapLimits& limits, DistanceLayers& layers,
                            int max_beams)
     : limits_(limits),
       map_(options, layers),
-      keyframes_(static_cast<std::size_t>(kOverfull * limits.keyframes) + 1 +
+      keyframes_(static_cast<std::size_t>(kMostFullness * limits.keyframes) + 1 +
                  static_cast<std::size_t>(limits.pending_keyframes)) {
   for (Keyframe& k : keyframes_) k.ranges_mm.reserve(static_cast<std::size_t>(max_beams));
   placed_.reserve(static_cast<std::size_t>(max_beams));

@@ -22,6 +22,9 @@ struct SubmapLimits {
   int blocks = 350;            // of the pool's 400
 };
 
+// A sub-map whose particles disagree may grow this far beyond its limits, on the scale of fullness().
+inline constexpr double kMostFullness = 1.25;
+
 class ActiveSubmap {
  public:
   ActiveSubmap(const IndexMapOptions& options, const SubmapLimits& limits, DistanceLayers& layers, int max_beams);

@@ -10,8 +10,8 @@ constexpr int kFinalIterations = 50;
 // Loops have been judged by now: the loss only has to spoil single landmarks (a cabinet moved), not whole loops, so it
 // starts later than live (95 % efficiency for Gaussian errors).
 constexpr double kFinalCauchyScale = 2.385;
-// Rows of landmarks at most, as far as each landmark keeps one in each of its sub-maps: a row takes half a kilobyte while
-// the graph is solved.
+// Rows of landmarks at most, as far as each landmark keeps one in each of its sub-maps: a row takes half a kilobyte
+// while the graph is solved.
 constexpr std::size_t kMostSights = 40'000;
 constexpr double kStepFloorM = 0.002;
 constexpr double kStepFloorRad = 0.03 * kDegree;
