@@ -8,8 +8,6 @@
 namespace submapd::driver {
 namespace {
 
-constexpr std::int64_t kMillisecond_ns = 1'000'000;
-
 constexpr std::int64_t kPause_ns = 5 * kMillisecond_ns;  // between two scans are some 20 ms
 
 enum class Rung : std::uint8_t { kCount, kStartAgain, kQuit, kResetSensor, kResetUsb };

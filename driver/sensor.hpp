@@ -24,6 +24,8 @@
 
 namespace submapd::driver {
 
+inline constexpr std::int64_t kMillisecond_ns = 1'000'000;
+
 enum class SensorState : std::uint8_t {
   kClosed,      // no line
   kStarting,    // asked, and not yet measuring

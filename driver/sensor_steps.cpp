@@ -9,7 +9,6 @@
 namespace submapd::driver {
 namespace {
 
-constexpr std::int64_t kMillisecond_ns = 1'000'000;
 constexpr std::int64_t kSecond_ns = 1000 * kMillisecond_ns;
 // Outside time mode replies come on the 25 ms scan grid, so nothing below 100 ms tells anything.
 constexpr std::int64_t kReply_ns = 300 * kMillisecond_ns;

@@ -130,7 +130,7 @@ Status Optimizer::Impl::take(const FinishedSubmap& submap) {
 }
 
 void Optimizer::Impl::seek_live() {
-  graph::RelativeUncertainty uncertainty(model);
+  const graph::RelativeUncertainty uncertainty(model);
   const auto newest = static_cast<std::uint32_t>(model.submaps.size() - 1);
   const auto ranked = search.untried(model, uncertainty, newest, kLiveGap);
   for (const LoopCandidate& candidate : graph::LoopSearch::spread_out(model, ranked, kLiveRuns)) {
@@ -145,7 +145,7 @@ void Optimizer::Impl::seek_all() {
   std::size_t budget = kFinalRunsPerSubmap * model.submaps.size();
   const std::size_t batch = std::max<std::size_t>(kLiveRuns, 2 * model.submaps.size());
   while (budget > 0) {
-    graph::RelativeUncertainty uncertainty(model);
+    const graph::RelativeUncertainty uncertainty(model);
     std::vector<LoopCandidate> ranked;
     for (std::uint32_t b = kFinalGap; b < model.submaps.size(); ++b) {
       const auto of_b = search.untried(model, uncertainty, b, kFinalGap);
@@ -222,6 +222,7 @@ Expected<FinalResult> Optimizer::finish() {
     impl_->rejected_pending += static_cast<std::uint64_t>(graph::reject_contradicted(model));
     impl_->count();
   }
+  impl_->search.release();  // the solver needs the room
   graph::TrackGraph track = graph::build_track_graph(model);
   const auto start = std::chrono::steady_clock::now();
   const auto summary = graph::solve_track_graph(track);

@@ -22,6 +22,8 @@ inline constexpr int kSurfacePerBlockSide = 32;  // 3.2 m blocks as in the index
 inline constexpr int kSurfacePerBlock = kSurfacePerBlockSide * kSurfacePerBlockSide;
 inline constexpr int kSurfaceSide = kDirectoryBlocks * kSurfacePerBlockSide;  // cells along one side of the map
 inline constexpr int kSurfaceBias = kSurfaceSide / 2;
+// Share of the trace of an information matrix that noisy normals fake in a direction without any (notes 5.4).
+inline constexpr double kNormalNoiseShare = 0.005;
 
 enum class SurfaceKind : std::uint8_t { kNone, kPoint, kLine };
 

@@ -2,21 +2,16 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
+#include "slam/base/pose2.hpp"
+
 namespace submapd {
 
-// z_ij: where track point i sees landmark j, in the track point's frame.
-struct LandmarkObservation {
-  std::uint32_t submap = 0;                     // index of the sub-map through whose map the landmark was seen
-  std::uint32_t keyframe = 0;                   // index into that sub-map's keyframes
-  Eigen::Vector2d z = Eigen::Vector2d::Zero();  // m
-  Eigen::Matrix2d covariance = Eigen::Matrix2d::Identity();  // m^2, in the track point's frame; already inflated so
-                                                             // that the rows of one side count once, not m times
-};
-
-// A well-seen spot common to the sub-maps a and b, tied to both by its observations.
+// A well-seen spot common to the sub-maps a and b. Observations are kept as the key-frames that make them: the rest
+// follows from where the spot lies in the sub-map (observation_of()).
 struct VirtualLandmark {
   std::uint32_t a = 0;  // the pair it was chosen for, a < b
   std::uint32_t b = 0;
@@ -24,7 +19,24 @@ struct VirtualLandmark {
   Eigen::Vector2d in_b = Eigen::Vector2d::Zero();              // m, in b's frame, as refined against b's own map
   Eigen::Matrix2d covariance_a = Eigen::Matrix2d::Identity();  // of in_a as a's map shows it, a's frame, m^2
   Eigen::Matrix2d covariance_b = Eigen::Matrix2d::Identity();  // of in_b, b's frame, m^2
-  std::vector<LandmarkObservation> observations;               // from key-frames of a and of b, at least one each
+  std::vector<std::uint32_t> seen_from_a;                      // a's key-frames that see it, ascending, at least one
+  std::vector<std::uint32_t> seen_from_b;                      // the same of b
 };
+
+// z_ij: where track point i sees landmark j.
+struct LandmarkObservation {
+  Eigen::Vector2d z = Eigen::Vector2d::Zero();               // in the track point's frame, m
+  Eigen::Matrix2d covariance = Eigen::Matrix2d::Identity();  // in the track point's frame, m^2
+};
+
+// What a key-frame at `submap_from_keyframe` sees of a spot that the sub-map's own map shows at `place` +-
+// `covariance`. It is one of `rows` that repeat the same evidence: each gets the covariance times their number, so that
+// together they count once.
+[[nodiscard]] inline LandmarkObservation observation_of(const Eigen::Vector2d& place, const Eigen::Matrix2d& covariance,
+                                                        const Pose2& submap_from_keyframe, std::size_t rows) {
+  const Eigen::Matrix2d to_keyframe = rotation(submap_from_keyframe.yaw).transpose();
+  return {to_keyframe * (place - submap_from_keyframe.translation()),
+          static_cast<double>(rows) * (to_keyframe * covariance * to_keyframe.transpose())};
+}
 
 }  // namespace submapd

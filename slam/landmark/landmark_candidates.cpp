@@ -7,6 +7,8 @@
 #include <cmath>
 #include <cstdint>
 
+#include "slam/grid/surface_map.hpp"
+
 namespace submapd {
 namespace {
 
@@ -19,7 +21,6 @@ constexpr double kPriorSigma_m = 0.05;  // of the shift
 constexpr double kMaxShift_m = 0.10;
 constexpr double kAlongSigma_m = 0.5;  // of a spot along a bare wall: the wall says nothing
 constexpr double kFloorSigma_m = 0.003;
-constexpr double kNormalNoiseShare = 0.005;      // of the trace: what noisy normals fake along a wall (notes 5.4)
 constexpr double kPointSigma2_m2 = 0.03 * 0.03;  // of a mean that is no line
 constexpr int kIterations = 4;
 constexpr std::size_t kMinPairs = 3;

@@ -84,13 +84,14 @@ bool sees(const Keyframe& keyframe, const Eigen::Vector2d& place, double max_ran
   return false;
 }
 
-std::vector<LandmarkObservation> observe(const LandmarkSide& side, int count, double max_range_m) {
+std::vector<std::uint32_t> observers_of(const Eigen::Vector2d& place, const FinishedSubmap& submap,
+                                        const FinishedSubmap& other, int count, double max_range_m) {
   std::vector<std::uint32_t> unshared;
   std::vector<std::uint32_t> shared;
-  for (std::uint32_t i = 0; i < side.submap.keyframes.size(); ++i) {
-    const Keyframe& keyframe = side.submap.keyframes[i];
-    if (sees(keyframe, side.place, max_range_m)) {
-      (has_scan(side.other, keyframe.scan_index) ? shared : unshared).push_back(i);
+  for (std::uint32_t i = 0; i < submap.keyframes.size(); ++i) {
+    const Keyframe& keyframe = submap.keyframes[i];
+    if (sees(keyframe, place, max_range_m)) {
+      (has_scan(other, keyframe.scan_index) ? shared : unshared).push_back(i);
     }
   }
   const auto wanted = static_cast<std::size_t>(std::max(1, count));
@@ -100,19 +101,8 @@ std::vector<LandmarkObservation> observe(const LandmarkSide& side, int count, do
     chosen.insert(chosen.end(), more.begin(), more.end());
     std::sort(chosen.begin(), chosen.end());
   }
-  std::vector<LandmarkObservation> observations;
-  for (const std::uint32_t i : chosen) {
-    const Pose2& pose = side.submap.keyframes[i].pose;
-    const Eigen::Matrix2d to_keyframe = rotation(pose.yaw).transpose();
-    LandmarkObservation observation;
-    observation.submap = side.submap.id.index;
-    observation.keyframe = i;
-    observation.z = to_keyframe * (side.place - pose.translation());
-    observation.covariance =
-        static_cast<double>(chosen.size()) * (to_keyframe * side.covariance * to_keyframe.transpose());
-    observations.push_back(observation);
-  }
-  return observations;
+  chosen.shrink_to_fit();
+  return chosen;
 }
 
 }  // namespace submapd

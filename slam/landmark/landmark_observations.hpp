@@ -1,11 +1,10 @@
-// Which track points really see a spot, and what they see of it (design notes 8.3).
+// Which track points really see a spot (design notes 8.3).
 #pragma once
 
 #include <Eigen/Core>
 #include <cstdint>
 #include <vector>
 
-#include "slam/landmark/landmark.hpp"
 #include "slam/submap/finished_submap.hpp"
 
 namespace submapd {
@@ -17,16 +16,9 @@ namespace submapd {
 // Whether one of the sub-map's key-frames is this scan.
 [[nodiscard]] bool has_scan(const FinishedSubmap& submap, std::uint64_t scan_index);
 
-// The side of a landmark that one sub-map shows.
-struct LandmarkSide {
-  const FinishedSubmap& submap;
-  const FinishedSubmap& other;  // key-frames it shares with this one carry nothing new, and are taken last
-  Eigen::Vector2d place;        // in the sub-map's frame, m
-  Eigen::Matrix2d covariance;   // of the place, m^2
-};
-
-// z_ij from at most `count` key-frames that see the spot, spread over time. Each carries the side's covariance times
-// their number, so that together they count once.
-[[nodiscard]] std::vector<LandmarkObservation> observe(const LandmarkSide& side, int count, double max_range_m);
+// At most `count` key-frames of `submap` that see the spot at `place` (its frame, m), spread over time, ascending.
+// Those it shares with `other` carry nothing new and are taken last.
+[[nodiscard]] std::vector<std::uint32_t> observers_of(const Eigen::Vector2d& place, const FinishedSubmap& submap,
+                                                      const FinishedSubmap& other, int count, double max_range_m);
 
 }  // namespace submapd

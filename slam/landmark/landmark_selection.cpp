@@ -49,25 +49,23 @@ std::optional<VirtualLandmark> make_landmark(const Pair& pair, const LandmarkCan
   landmark.in_b = in_b->place;
   landmark.covariance_a = candidate.covariance;
   landmark.covariance_b = in_b->covariance;
-  landmark.observations = observe({pair.a, pair.b, candidate.place, candidate.covariance}, count, range_m);
-  const auto from_b = observe({pair.b, pair.a, in_b->place, in_b->covariance}, count, range_m);
-  if (landmark.observations.empty() || from_b.empty()) {
+  landmark.seen_from_a = observers_of(landmark.in_a, pair.a, pair.b, count, range_m);
+  landmark.seen_from_b = observers_of(landmark.in_b, pair.b, pair.a, count, range_m);
+  if (landmark.seen_from_a.empty() || landmark.seen_from_b.empty()) {
     return std::nullopt;
   }
-  landmark.observations.insert(landmark.observations.end(), from_b.begin(), from_b.end());
   return landmark;
 }
 
 // Whether each side has an observation from a key-frame of its own. One seen by shared key-frames only repeats what
 // they tie together already.
 bool tells_something_new(const VirtualLandmark& landmark, const Pair& pair) {
-  const auto fresh_from = [&](const FinishedSubmap& submap, const FinishedSubmap& other) {
-    return std::any_of(
-        landmark.observations.begin(), landmark.observations.end(), [&](const LandmarkObservation& seen) {
-          return seen.submap == submap.id.index && !has_scan(other, submap.keyframes[seen.keyframe].scan_index);
-        });
+  const auto any_fresh = [](const std::vector<std::uint32_t>& seen_from, const FinishedSubmap& submap,
+                            const FinishedSubmap& other) {
+    return std::any_of(seen_from.begin(), seen_from.end(),
+                       [&](std::uint32_t keyframe) { return !has_scan(other, submap.keyframes[keyframe].scan_index); });
   };
-  return fresh_from(pair.a, pair.b) && fresh_from(pair.b, pair.a);
+  return any_fresh(landmark.seen_from_a, pair.a, pair.b) && any_fresh(landmark.seen_from_b, pair.b, pair.a);
 }
 
 }  // namespace

@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "slam/grid/surface_map.hpp"
 #include "slam/loop/internal/match_grid.hpp"
 #include "slam/loop/internal/placement_search.hpp"
 #include "slam/loop/internal/search_points.hpp"
@@ -23,8 +24,7 @@ namespace {
 using internal::Alignment;
 using internal::MapView;
 
-constexpr double kMinRawShare = 0.08;        // of the best possible search score: the overlap may be a corner of b
-constexpr double kNormalNoiseShare = 0.005;  // of the trace: what noisy normals fake of a direction (notes 5.4)
+constexpr double kMinRawShare = 0.08;  // of the best possible search score: the overlap may be a corner of b
 constexpr double kWeakSigma_m = 0.02;
 constexpr double kLostSigma_m = 5.0;  // a direction without any information is not surer than this
 constexpr double kRefineReach_m = 0.3;

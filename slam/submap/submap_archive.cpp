@@ -121,6 +121,12 @@ Expected<std::shared_ptr<const FinishedSubmap>> SubmapArchive::load(std::uint32_
   return submap;
 }
 
+void SubmapArchive::release() {
+  by_index_.clear();
+  recent_.clear();
+  bytes_.used = 0;
+}
+
 void SubmapArchive::keep(std::uint32_t index, std::shared_ptr<const FinishedSubmap> submap) {
   const std::size_t bytes = memory_bytes(*submap);
   if (bytes > bytes_.limit) return;

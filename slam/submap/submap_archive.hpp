@@ -38,6 +38,7 @@ class SubmapArchive : public SubmapSource {
 
   // Errors: kNotFound, kIo, kCorrupt (with the file's name).
   Expected<std::shared_ptr<const FinishedSubmap>> load(std::uint32_t index) override;
+  void release() override;
 
   [[nodiscard]] std::filesystem::path path_of(std::uint32_t index) const;
 

@@ -20,6 +20,9 @@ class SubmapSource {
   // The sub-map with that index of this run. The pointer keeps it alive; callers drop it soon, so that memory stays
   // bounded.
   virtual Expected<std::shared_ptr<const FinishedSubmap>> load(std::uint32_t index) = 0;
+
+  // Nothing will be loaded for a while: what is kept only to save a reading may go.
+  virtual void release() {}
 };
 
 }  // namespace submapd

@@ -7,8 +7,8 @@
 namespace submapd::tools {
 namespace {
 
-constexpr double kSlack_m = 1e-6;    // cells list walls this far outside them, so that rounding never loses a hit
-constexpr double kMaxCells = 4.0e6;  // bound of the grid's memory
+constexpr double kSlack_m = 1e-6;         // cells list walls this far outside them, so that rounding never loses a hit
+constexpr double kMaxWorldCells = 4.0e6;  // bound of the grid's memory
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 double cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
@@ -54,7 +54,7 @@ World::World(std::vector<Segment> segments) : segments_(std::move(segments)) {
   // About as many cells as walls keeps lists short; never so many that memory grows without bound.
   const double area = extent.x() * extent.y();
   cell_m_ = std::clamp(std::sqrt(area / (4.0 * static_cast<double>(segments_.size()))), 0.1, 4.0);
-  cell_m_ = std::max({cell_m_, std::sqrt(area / kMaxCells), extent.maxCoeff() / 1.0e6});
+  cell_m_ = std::max({cell_m_, std::sqrt(area / kMaxWorldCells), extent.maxCoeff() / 1.0e6});
   low_.array() -= 2.0 * kSlack_m;
   high_.array() += 2.0 * kSlack_m;
   columns_ = static_cast<int>(std::floor(extent.x() / cell_m_)) + 1;

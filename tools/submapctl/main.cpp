@@ -2,9 +2,11 @@
 #include <cstdio>
 #include <exception>
 
+#include "daemon/allocator.hpp"
 #include "tools/submapctl/commands.hpp"
 
 int main(int argc, char** argv) {
+  submapd::set_up_allocator();
   try {
     CLI::App app("Control submapd, replay its logs, simulate worlds for it", "submapctl");
     app.require_subcommand(1);

@@ -5,8 +5,8 @@
 namespace submapd {
 namespace {
 
-constexpr double kMoved_m = 1e-4;
-constexpr double kMoved_rad = 1e-4;
+constexpr double kCounted_m = 1e-4;
+constexpr double kCounted_rad = 1e-4;
 constexpr double kContradictionSigmas = 6.0;
 constexpr int kWindow = 100;            // judged motions before counts are halved
 constexpr int kMaxContradictions = 40;  // of the last ones
@@ -18,7 +18,7 @@ std::optional<Pose2> OdometryGate::motion(const std::optional<Pose2>& now) {
   last_ = now;
   if (!before || !now) return std::nullopt;
   const Pose2 delta = between(*before, *now);
-  if (std::hypot(delta.x, delta.y) > kMoved_m || std::abs(delta.yaw) > kMoved_rad) moved_ = true;
+  if (std::hypot(delta.x, delta.y) > kCounted_m || std::abs(delta.yaw) > kCounted_rad) moved_ = true;
   if (!moved_ || rejected_) return std::nullopt;
   return delta;
 }

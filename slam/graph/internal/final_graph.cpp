@@ -10,9 +10,8 @@ constexpr int kFinalIterations = 50;
 // Loops have been judged by now: the loss only has to spoil single landmarks (a cabinet moved), not whole loops, so it
 // starts later than live (95 % efficiency for Gaussian errors).
 constexpr double kFinalCauchyScale = 2.385;
-// Rows of landmarks at most, as far as each landmark keeps one in each of its sub-maps: a row takes half a kilobyte
-// while the graph is solved.
-constexpr std::size_t kMostSights = 40'000;
+// Rows of landmarks at most (up to what rounding adds for a pair): each takes a kilobyte while the graph is solved.
+constexpr std::size_t kMostSights = 24'000;
 constexpr double kStepFloorM = 0.002;
 constexpr double kStepFloorRad = 0.03 * kDegree;
 // Sub-map vertices are names for key-frames, not measurements.
@@ -54,31 +53,43 @@ void add_track(TrackGraph& graph, const GraphModel& model) {
   }
 }
 
-std::size_t observations_of(const std::vector<VirtualLandmark>& landmarks) {
-  std::size_t count = 0;
-  for (const VirtualLandmark& landmark : landmarks) count += landmark.observations.size();
-  return count;
+// How much of what the landmarks offer is taken, so that the rows stay below a limit: of each side's observations at
+// most `rows_a_side`, and every `landmark_stride`-th landmark of a pair. What is taken stands for what is left out: all
+// in all it is worth as much.
+struct Thinning {
+  std::size_t rows_a_side = 0;
+  std::size_t landmark_stride = 1;
+};
+
+Thinning thinning_for(std::size_t landmarks) {
+  const std::size_t rows_a_side = kMostSights / std::max<std::size_t>(1, 2 * landmarks);
+  if (rows_a_side > 0) return {rows_a_side, 1};
+  return {1, (2 * landmarks + kMostSights - 1) / kMostSights};
 }
 
-// Of each landmark's observations in one sub-map, every stride-th is taken, the first always.
+void add_side(TrackGraph& graph, const SubmapRecord& submap, const std::vector<std::uint32_t>& seen_from,
+              std::size_t most, const Eigen::Vector2d& place, const Eigen::Matrix2d& covariance) {
+  const std::size_t stride = (seen_from.size() + most - 1) / most;
+  const std::size_t rows = (seen_from.size() + stride - 1) / stride;
+  for (std::size_t k = 0; k < seen_from.size(); k += stride) {
+    const TrackPoint& from = submap.keyframes[seen_from[k]];
+    const LandmarkObservation seen = observation_of(place, covariance, from.pose, rows);
+    graph.sights.push_back({position_of(graph, from.scan_index), static_cast<std::uint32_t>(graph.landmarks.size()),
+                            seen.z, seen.covariance});
+  }
+}
+
+// REQUIRES: usable landmarks (see LoopSearch).
 void add_sights(TrackGraph& graph, const GraphModel& model, const std::vector<VirtualLandmark>& landmarks,
-                double covariance_scale, std::size_t stride) {
-  for (const VirtualLandmark& landmark : landmarks) {
-    const auto number = static_cast<std::uint32_t>(graph.landmarks.size());
-    const std::size_t before = graph.sights.size();
-    std::size_t seen_in_a = 0;
-    std::size_t seen_in_b = 0;
-    for (const LandmarkObservation& seen : landmark.observations) {
-      if (seen.submap >= model.submaps.size()) continue;
-      if ((seen.submap == landmark.a ? seen_in_a : seen_in_b)++ % stride != 0) continue;
-      const auto& keyframes = model.submaps[seen.submap].keyframes;
-      if (seen.keyframe >= keyframes.size() || !whitening(seen.covariance)) continue;
-      graph.sights.push_back({position_of(graph, keyframes[seen.keyframe].scan_index), number, seen.z,
-                              covariance_scale * seen.covariance});
-    }
-    if (graph.sights.size() == before) continue;  // nobody sees it: no variable either
-    graph.landmarks.emplace_back(
-        0.5 * (transform(model.poses[landmark.a], landmark.in_a) + transform(model.poses[landmark.b], landmark.in_b)));
+                double covariance_scale, const Thinning& thinning) {
+  if (landmarks.empty()) return;
+  const std::size_t taken = (landmarks.size() + thinning.landmark_stride - 1) / thinning.landmark_stride;
+  const double scale = covariance_scale * static_cast<double>(taken) / static_cast<double>(landmarks.size());
+  for (std::size_t k = 0; k < landmarks.size(); k += thinning.landmark_stride) {
+    const VirtualLandmark& l = landmarks[k];
+    add_side(graph, model.submaps[l.a], l.seen_from_a, thinning.rows_a_side, l.in_a, scale * l.covariance_a);
+    add_side(graph, model.submaps[l.b], l.seen_from_b, thinning.rows_a_side, l.in_b, scale * l.covariance_b);
+    graph.landmarks.emplace_back(0.5 * (transform(model.poses[l.a], l.in_a) + transform(model.poses[l.b], l.in_b)));
   }
 }
 
@@ -88,14 +99,14 @@ TrackGraph build_track_graph(const GraphModel& model) {
   TrackGraph graph;
   add_track(graph, model);
   std::size_t offered = 0;
-  for (const ChainLink& link : model.links) offered += observations_of(link.landmarks);
+  for (const ChainLink& link : model.links) offered += link.landmarks.size();
   for (const LoopRecord& record : model.loops) {
-    if (record.loop.state == LoopState::kConfirmed) offered += observations_of(record.landmarks);
+    if (record.loop.state == LoopState::kConfirmed) offered += record.landmarks.size();
   }
-  const std::size_t stride = std::max<std::size_t>(1, (offered + kMostSights - 1) / kMostSights);
-  for (const ChainLink& link : model.links) add_sights(graph, model, link.landmarks, 2.0, stride);
+  const Thinning thinning = thinning_for(offered);
+  for (const ChainLink& link : model.links) add_sights(graph, model, link.landmarks, 2.0, thinning);
   for (const LoopRecord& record : model.loops) {
-    if (record.loop.state == LoopState::kConfirmed) add_sights(graph, model, record.landmarks, 1.0, stride);
+    if (record.loop.state == LoopState::kConfirmed) add_sights(graph, model, record.landmarks, 1.0, thinning);
   }
   return graph;
 }

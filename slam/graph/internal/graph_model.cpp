@@ -114,9 +114,11 @@ std::size_t bytes_of(const SubmapRecord& record) {
 }
 
 std::size_t bytes_of(const std::vector<VirtualLandmark>& landmarks) {
+  constexpr std::size_t kHeapBlock = 16;  // what an allocation costs besides its bytes
   std::size_t bytes = landmarks.capacity() * sizeof(VirtualLandmark);
   for (const VirtualLandmark& landmark : landmarks) {
-    bytes += landmark.observations.capacity() * sizeof(LandmarkObservation);
+    bytes +=
+        2 * kHeapBlock + (landmark.seen_from_a.capacity() + landmark.seen_from_b.capacity()) * sizeof(std::uint32_t);
   }
   return bytes;
 }

@@ -3,6 +3,7 @@
 #include <ceres/loss_function.h>
 #include <ceres/problem.h>
 #include <ceres/solver.h>
+#include <dlfcn.h>
 #include <glog/logging.h>
 
 #include <Eigen/Cholesky>
@@ -49,6 +50,15 @@ void silence_glog() {
   FLAGS_minloglevel = google::GLOG_FATAL;
 }
 
+// CHOLMOD would clear its arrays by an OpenMP team of four: threads nobody has counted, with the caller's priority. It
+// asks for that number itself; only a depth of no parallel regions at all keeps the calling thread alone. The runtime
+// comes along with CHOLMOD, whichever it is, so it is asked for by name.
+void keep_to_this_thread() {
+  using SetLevels = void (*)(int);
+  static const auto kSetLevels = reinterpret_cast<SetLevels>(::dlsym(RTLD_DEFAULT, "omp_set_max_active_levels"));
+  if (kSetLevels != nullptr) kSetLevels(0);
+}
+
 }  // namespace
 
 std::optional<Eigen::Matrix3d> whitening(const Eigen::Matrix3d& covariance, double scale) {
@@ -80,6 +90,7 @@ double cost(const LeastSquaresGraph& graph, double cauchy_scale) {
 
 Expected<SolveSummary> solve(LeastSquaresGraph& graph, const SolveOptions& options) {
   silence_glog();
+  keep_to_this_thread();
   std::vector<std::array<double, 3>> poses(graph.poses.size());
   for (std::size_t k = 0; k < poses.size(); ++k) poses[k] = {graph.poses[k].x, graph.poses[k].y, graph.poses[k].yaw};
   std::vector<Eigen::Vector2d> points = graph.points;

@@ -29,14 +29,16 @@ Eigen::Vector3d search_window(const Eigen::Matrix3d& covariance) {
 }
 
 std::vector<LoopCandidate> rank_candidates(const GraphModel& model, const PairTools& tools,
-                                           RelativeUncertainty& uncertainty, std::uint32_t b, std::uint32_t min_gap) {
+                                           const RelativeUncertainty& uncertainty, std::uint32_t b,
+                                           std::uint32_t min_gap) {
   const SubmapMatcherOptions limits;
   std::vector<LoopCandidate> candidates;
   const SubmapOutline& outline_b = model.submaps[b].outline;
+  const std::vector<RelativePose> from_b = uncertainty.paths_from(b);
   for (std::uint32_t a = 0; a + min_gap <= b; ++a) {
     if (share_keyframes(model.submaps[a], model.submaps[b])) continue;
     const SubmapOutline& outline_a = model.submaps[a].outline;
-    const UncertainPose& relative = uncertainty.between_submaps(a, b).pose;
+    const UncertainPose relative = inverse(from_b[a].pose);  // a_from_b
     const Eigen::Vector3d window = search_window(relative.covariance);
     const double grow_m = std::max(window.x(), window.y());
     const double distance_m = (transform(relative.mean, outline_b.centre) - outline_a.centre).norm();

@@ -10,6 +10,9 @@
 
 namespace submapd::graph {
 
+// Places nearer to each other than this are one place: two looks at it are not two witnesses.
+inline constexpr double kApartM = 5.0;
+
 struct LoopCandidate {
   std::uint32_t a = 0;  // a < b
   std::uint32_t b = 0;
@@ -24,7 +27,7 @@ struct LoopCandidate {
 // Partners of b among the earlier sub-maps: not its neighbour, no key-frame in common, and within 3 sigma an overlap
 // that could be verified. Best first; ties by index. `min_gap`: least difference of the indices.
 [[nodiscard]] std::vector<LoopCandidate> rank_candidates(const GraphModel& model, const PairTools& tools,
-                                                         RelativeUncertainty& uncertainty, std::uint32_t b,
+                                                         const RelativeUncertainty& uncertainty, std::uint32_t b,
                                                          std::uint32_t min_gap);
 
 }  // namespace submapd::graph

@@ -5,12 +5,12 @@
 
 #include "slam/graph/internal/consistency.hpp"
 #include "slam/graph/internal/live_graph.hpp"
+#include "slam/graph/internal/loop_candidates.hpp"
 #include "slam/graph/internal/relative_uncertainty.hpp"
 
 namespace submapd::graph {
 namespace {
 
-constexpr double kApartM = 5.0;
 constexpr double kMinWeight = 0.25;
 constexpr int kMaxDemotions = 2;         // a loop that lost its confirmation so often stays pending
 constexpr std::size_t kMaxPending = 60;  // the newest so many take part in the search for cliques

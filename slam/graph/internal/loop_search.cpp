@@ -3,10 +3,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "slam/graph/internal/least_squares.hpp"
+
 namespace submapd::graph {
 namespace {
 
-constexpr double kApartM = 5.0;
 // A pair is tried again when its prior has moved by as much as the narrowest window is wide.
 constexpr double kRetryM = 1.0;
 constexpr double kRetryRad = 5.0 * kDegree;
@@ -23,14 +24,19 @@ bool usable(const SubmapMatch& match) {
   return std::isfinite(match.a_from_b.x) && std::isfinite(match.a_from_b.y) && std::isfinite(match.a_from_b.yaw) &&
          match.covariance.allFinite();
 }
-bool usable(const VirtualLandmark& landmark, std::uint32_t a, std::uint32_t b) {
+bool usable(const GraphModel& model, const VirtualLandmark& landmark, std::uint32_t a, std::uint32_t b) {
+  const auto known = [&](std::uint32_t submap, const std::vector<std::uint32_t>& seen_from) {
+    return std::all_of(seen_from.begin(), seen_from.end(),
+                       [&](std::uint32_t keyframe) { return keyframe < model.submaps[submap].keyframes.size(); });
+  };
   return landmark.a == a && landmark.b == b && landmark.in_a.allFinite() && landmark.in_b.allFinite() &&
-         landmark.covariance_a.allFinite() && landmark.covariance_b.allFinite();
+         whitening(landmark.covariance_a) && whitening(landmark.covariance_b) && !landmark.seen_from_a.empty() &&
+         !landmark.seen_from_b.empty() && known(a, landmark.seen_from_a) && known(b, landmark.seen_from_b);
 }
 
 }  // namespace
 
-std::vector<LoopCandidate> LoopSearch::untried(const GraphModel& model, RelativeUncertainty& uncertainty,
+std::vector<LoopCandidate> LoopSearch::untried(const GraphModel& model, const RelativeUncertainty& uncertainty,
                                                std::uint32_t b, std::uint32_t min_gap) const {
   std::vector<LoopCandidate> candidates = rank_candidates(model, tools_, uncertainty, b, min_gap);
   std::erase_if(candidates, [&](const LoopCandidate& candidate) {
@@ -89,7 +95,7 @@ void LoopSearch::run(GraphModel& model, const LoopCandidate& candidate, std::siz
   record.loop.match.b = candidate.b;
   record.landmarks = tools_.choose_landmarks(*a, *b, record.loop.match);
   std::erase_if(record.landmarks,
-                [&](const VirtualLandmark& landmark) { return !usable(landmark, candidate.a, candidate.b); });
+                [&](const VirtualLandmark& landmark) { return !usable(model, landmark, candidate.a, candidate.b); });
   record.landmarks.shrink_to_fit();
   if (record.landmarks.size() < kMinLandmarks) {
     ++refused_;
@@ -114,7 +120,7 @@ std::vector<VirtualLandmark> LoopSearch::tie_neighbours(const GraphModel& model,
   match.a = b - 1;
   match.b = b;
   std::vector<VirtualLandmark> landmarks = tools_.choose_landmarks(*a, newest, match);
-  std::erase_if(landmarks, [&](const VirtualLandmark& landmark) { return !usable(landmark, b - 1, b); });
+  std::erase_if(landmarks, [&](const VirtualLandmark& landmark) { return !usable(model, landmark, b - 1, b); });
   landmarks.shrink_to_fit();
   if (bytes_of(landmarks) > bytes_left) {
     ++refused_for_memory_;

@@ -20,7 +20,7 @@ class LoopSearch {
   LoopSearch(const PairTools& tools, SubmapSource& source) : tools_(tools), source_(source) {}
 
   // The pairs of b worth a run now: informative ones not tried yet, or tried in a window the prior has left since.
-  [[nodiscard]] std::vector<LoopCandidate> untried(const GraphModel& model, RelativeUncertainty& uncertainty,
+  [[nodiscard]] std::vector<LoopCandidate> untried(const GraphModel& model, const RelativeUncertainty& uncertainty,
                                                    std::uint32_t b, std::uint32_t min_gap) const;
 
   // At most `count` of `ranked`, apart from each other if there is a choice: two matches at one spot teach little more
@@ -35,6 +35,9 @@ class LoopSearch {
   // Landmarks between the neighbours `newest` - 1 and `newest`, from a refinement of the link's pose.
   [[nodiscard]] std::vector<VirtualLandmark> tie_neighbours(const GraphModel& model, const FinishedSubmap& newest,
                                                             std::size_t bytes_left);
+
+  // No search for a while: the source need not keep anything for it.
+  void release() { source_.release(); }
 
   [[nodiscard]] std::uint64_t runs() const { return runs_; }
   [[nodiscard]] std::uint64_t refused() const { return refused_; }

@@ -17,14 +17,15 @@ struct RelativePose {
   bool through_loop = false;  // the path uses a confirmed loop
 };
 
-// Valid for the model as it was when it was built; keeps a reference to it. Remembers the paths of every start asked
-// for.
+// Valid for the model as it was when it was built; keeps a reference to it.
 class RelativeUncertainty {
  public:
   explicit RelativeUncertainty(const GraphModel& model);
 
-  // REQUIRES: a and b are indices of sub-maps.
+  // One pair; the paths of every `a` asked for are remembered. REQUIRES: a and b are indices of sub-maps.
   [[nodiscard]] const RelativePose& between_submaps(std::uint32_t a, std::uint32_t b);
+  // start_from_k for every sub-map k, not remembered. REQUIRES: the index of a sub-map.
+  [[nodiscard]] std::vector<RelativePose> paths_from(std::uint32_t start) const;
 
  private:
   struct Edge {
@@ -32,7 +33,6 @@ class RelativeUncertainty {
     Eigen::Matrix3d covariance;  // of here_from_to
     bool loop;
   };
-  [[nodiscard]] std::vector<RelativePose> paths_from(std::uint32_t start) const;
 
   const GraphModel& model_;
   std::vector<std::vector<Edge>> edges_;

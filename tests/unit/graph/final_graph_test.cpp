@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <cstdio>
 #include <map>
@@ -87,6 +88,27 @@ TEST(FinalGraph, LandmarksOffByACentimetreDoNotBendSubmaps) {
   }
   std::printf("worst bend of a 20 m sub-map under 1 cm landmark noise: %.1f mm\n", 1e3 * worst);
   EXPECT_LT(worst, 0.015);
+}
+
+TEST(FinalGraph, TooManyLandmarksAreThinnedAndStayWorthAsMuch) {
+  GraphModel model = model_of(SimulatedRun(ring_path(160.0, 1.0), {}));
+  const auto information = [](const TrackGraph& graph) {
+    double sum = 0.0;
+    for (const auto& row : graph.sights) sum += row.covariance.inverse().trace();
+    return sum;
+  };
+  const double of_all = information(build_track_graph(model));
+  const std::size_t rows = build_track_graph(model).sights.size();
+  constexpr std::size_t kCopies = 2000;
+  for (ChainLink& link : model.links) {
+    const std::vector<VirtualLandmark> once = link.landmarks;
+    for (std::size_t k = 1; k < kCopies; ++k) link.landmarks.insert(link.landmarks.end(), once.begin(), once.end());
+  }
+  const TrackGraph thinned = build_track_graph(model);
+  EXPECT_GT(rows * kCopies, 100'000U);
+  EXPECT_LT(thinned.sights.size(), 26'000U);
+  EXPECT_GT(thinned.sights.size(), 12'000U);
+  EXPECT_NEAR(information(thinned), static_cast<double>(kCopies) * of_all, 1e-6 * of_all * kCopies);
 }
 
 TEST(FinalGraph, ExportHoldsTogether) {

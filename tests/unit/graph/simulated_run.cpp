@@ -237,17 +237,12 @@ std::vector<VirtualLandmark> SimulatedRun::landmarks(const FinishedSubmap& a, co
     landmark.covariance_a = kLandmarkSigmaM * kLandmarkSigmaM * Eigen::Matrix2d::Identity();
     landmark.covariance_b = landmark.covariance_a;
     for (const FinishedSubmap* submap : {&a, &b}) {
-      const Eigen::Vector2d place_in = submap == &a ? landmark.in_a : landmark.in_b;
+      auto& seen_from = submap == &a ? landmark.seen_from_a : landmark.seen_from_b;
       const std::size_t nearest = nearest_keyframe(*submap, spot);
       for (int n = -1; n <= 1; ++n) {  // three key-frames about the nearest, as far as there are
         const auto last = static_cast<int>(submap->keyframes.size()) - 1;
         const int index = std::clamp(static_cast<int>(nearest) + 12 * n, 0, last);
-        LandmarkObservation seen;
-        seen.submap = submap->id.index;
-        seen.keyframe = static_cast<std::uint32_t>(index);
-        seen.z = transform(inverse(submap->keyframes[seen.keyframe].pose), place_in);
-        seen.covariance = 3.0 * landmark.covariance_a;
-        landmark.observations.push_back(seen);
+        seen_from.push_back(static_cast<std::uint32_t>(index));
       }
     }
     chosen.push_back(landmark);

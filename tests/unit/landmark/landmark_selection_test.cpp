@@ -6,7 +6,6 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <set>
 
 #include "slam/landmark/landmark_observations.hpp"
 #include "slam/loop/submap_matcher.hpp"
@@ -56,23 +55,23 @@ void expect_good_landmarks(const Pair& pair) {
     EXPECT_LT(distance2, 9.0) << "landmark " << i;
     distance2_sum += distance2;
 
-    std::set<std::uint32_t> sides;
-    Eigen::Matrix2d information_a = Eigen::Matrix2d::Zero();
-    for (const LandmarkObservation& observation : landmark.observations) {
-      sides.insert(observation.submap);
-      const bool of_a = observation.submap == 3;
-      const Keyframe& keyframe = (of_a ? pair.a : pair.b).keyframes.at(observation.keyframe);
-      const Eigen::Vector2d place = transform(keyframe.pose, observation.z);
-      EXPECT_LT((place - (of_a ? landmark.in_a : landmark.in_b)).norm(), 1e-9);
-      EXPECT_LE(observation.z.norm(), options.max_range_m + 0.5);
-      EXPECT_TRUE(sees(keyframe, place, options.max_range_m));
-      if (of_a) {
+    const auto check_side = [&](const FinishedSubmap& submap, const std::vector<std::uint32_t>& seen_from,
+                                const Eigen::Vector2d& in_submap, const Eigen::Matrix2d& claimed) {
+      EXPECT_FALSE(seen_from.empty());
+      Eigen::Matrix2d information = Eigen::Matrix2d::Zero();
+      for (const std::uint32_t index : seen_from) {
+        const Keyframe& keyframe = submap.keyframes.at(index);
+        const LandmarkObservation seen = observation_of(in_submap, claimed, keyframe.pose, seen_from.size());
+        EXPECT_LT((transform(keyframe.pose, seen.z) - in_submap).norm(), 1e-9);
+        EXPECT_LE(seen.z.norm(), options.max_range_m + 0.5);
+        EXPECT_TRUE(sees(keyframe, in_submap, options.max_range_m));
         const Eigen::Matrix2d R = rotation(keyframe.pose.yaw);
-        information_a += R * observation.covariance.inverse() * R.transpose();
+        information += R * seen.covariance.inverse() * R.transpose();
       }
-    }
-    EXPECT_EQ(sides.size(), 2U);
-    EXPECT_TRUE(information_a.isApprox(landmark.covariance_a.inverse(), 1e-6)) << "the rows must count once";
+      EXPECT_TRUE(information.isApprox(claimed.inverse(), 1e-6)) << "the rows must count once";
+    };
+    check_side(pair.a, landmark.seen_from_a, landmark.in_a, landmark.covariance_a);
+    check_side(pair.b, landmark.seen_from_b, landmark.in_b, landmark.covariance_b);
   }
   EXPECT_GT((high - low).minCoeff(), 5.0) << "landmarks must be spread";
   // Two figures a landmark; the inflation makes noise alone look small, but an error of centimetres must show.
@@ -133,12 +132,11 @@ TEST(ChooseLandmarks, PreferKeyframesThatTheOtherDoesNotShare) {
   int shared = 0;
   int unshared = 0;
   for (const VirtualLandmark& landmark : landmarks) {
-    for (const LandmarkObservation& observation : landmark.observations) {
-      const FinishedSubmap& other = observation.submap == 0 ? b : a;
-      const std::uint64_t scan = (observation.submap == 0 ? a : b).keyframes[observation.keyframe].scan_index;
-      const bool is_shared = std::any_of(other.keyframes.begin(), other.keyframes.end(),
-                                         [&](const Keyframe& keyframe) { return keyframe.scan_index == scan; });
-      ++(is_shared ? shared : unshared);
+    for (const std::uint32_t keyframe : landmark.seen_from_a) {
+      ++(has_scan(b, a.keyframes[keyframe].scan_index) ? shared : unshared);
+    }
+    for (const std::uint32_t keyframe : landmark.seen_from_b) {
+      ++(has_scan(a, b.keyframes[keyframe].scan_index) ? shared : unshared);
     }
   }
   EXPECT_GT(unshared, 4 * shared);

@@ -77,6 +77,17 @@ TEST_F(SubmapArchiveTest, CacheStaysInsideItsBudgetAndDropsTheLeastRecent) {
   EXPECT_EQ(archive->cache_bytes().peak, 2 * one);
 }
 
+TEST_F(SubmapArchiveTest, ReleasedItReadsAgain) {
+  const auto archive = open(1 << 20);
+  ASSERT_TRUE(archive->save(submap(0)).has_value());
+  ASSERT_TRUE(archive->load(0).has_value());
+  EXPECT_GT(archive->cache_bytes().used, 0U);
+  archive->release();
+  EXPECT_EQ(archive->cache_bytes().used, 0U);
+  EXPECT_TRUE(archive->load(0).has_value());
+  EXPECT_EQ(archive->files_read(), 2U);
+}
+
 TEST_F(SubmapArchiveTest, LargerThanTheBudgetIsLoadedButNotKept) {
   const auto archive = open(100);
   ASSERT_TRUE(archive->save(submap(0)).has_value());
