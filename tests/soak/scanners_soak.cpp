@@ -4,17 +4,20 @@
 #include <sys/resource.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <chrono>
 #include <cstdio>
 #include <memory>
+#include <span>
 #include <string>
 #include <thread>
 #include <vector>
 
 #include "driver/scan_pipeline.hpp"
 #include "driver/scanners.hpp"
+#include "driver/sim/sim_sensor.hpp"
 #include "tools/hokuyo_sim/monotonic.hpp"
 
 namespace submapd::driver {
@@ -40,6 +43,9 @@ class TimedPipeline final : public SensorSink {
   void on_new_clock() noexcept override { pipeline_.on_new_clock(); }
   bool knows_clock() const noexcept override { return pipeline_.knows_clock(); }
 
+  // After the event thread has ended.
+  [[nodiscard]] const SensorClock& clock() const { return pipeline_.clock(); }
+
   std::vector<Entry> entries;
 
  private:
@@ -50,6 +56,12 @@ struct Seen {
   DeviceScan last;
   std::uint64_t scans = 0;
 };
+
+std::uint64_t hash_of(const DeviceScan& scan) {
+  std::array<std::uint32_t, DeviceScan::kMaxBeams> ranges_mm{};
+  std::copy_n(scan.ranges_mm.begin(), scan.beams, ranges_mm.begin());
+  return hash_ranges(std::span(ranges_mm).first(scan.beams));
+}
 
 class OutputFile {
  public:
@@ -113,8 +125,8 @@ int run(double run_s, const std::string& out, const std::array<std::string, 2>& 
       while (const DeviceScan* const scan = rings[i].front()) {
         seen[i].last = *scan;
         ++seen[i].scans;
-        file.print(fmt::format("scan {} {} {} {} {}\n", serials[i], scan->epoch, scan->device_ms,
-                               scan->first_beam_mono_ns, scan->error_bound_ns));
+        file.print(fmt::format("scan {} {} {} {} {:016x}\n", serials[i], scan->device_ms, scan->first_beam_mono_ns,
+                               scan->error_bound_ns, hash_of(*scan)));
         rings[i].pop();
       }
     }
@@ -134,6 +146,8 @@ int run(double run_s, const std::string& out, const std::array<std::string, 2>& 
     }
     file.print(fmt::format("total {} {} {} {} {}\n", serials[i], seen[i].scans, seen[i].last.lost,
                            seen[i].last.repeated, rings[i].dropped()));
+    file.print(
+        fmt::format("clock {} {} {}\n", serials[i], sinks[i].clock().usb_grid_us(), sinks[i].clock().contradictions()));
   }
   for (const ScannerInfo& scanner : states) {
     file.print(fmt::format("counters {} {} {} {} {}\n", scanner.status.identity.serial, scanner.counters.faults,
