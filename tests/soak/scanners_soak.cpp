@@ -12,6 +12,7 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <string_view>
 #include <thread>
 #include <vector>
 
@@ -87,6 +88,50 @@ double cpu_s() {
     return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec);
   };
   return seconds(usage.ru_utime) + seconds(usage.ru_stime);
+}
+
+// What libusb and the bus cost by themselves: asks for the stream and throws its bytes away.
+class BareReader final : public UsbClients, private LinkClient {
+ public:
+  LinkClient* arrived(const UsbPort& /*port*/) override { return this; }
+  void cannot_open(const UsbPort& /*port*/, const Error& /*error*/) override {}
+  void gone(const UsbPort& /*port*/, LinkClient* /*client*/, const UsbCounters& seen) override {
+    transfers += seen.transfers_in;
+  }
+  void served() noexcept override {}
+
+  std::uint64_t transfers = 0;  // of lines that are gone
+
+ private:
+  void on_open(ByteLink& link, std::int64_t /*now_ns*/) noexcept override {
+    constexpr std::string_view kStream = "QT\nMD0000108001000\n";
+    static_cast<void>(link.write({reinterpret_cast<const std::uint8_t*>(kStream.data()), kStream.size()}));
+  }
+  void on_close(std::int64_t /*now_ns*/) noexcept override {}
+  void on_stop(std::int64_t /*now_ns*/) noexcept override {}
+  void on_bytes(std::span<const std::uint8_t> /*bytes*/, std::int64_t /*stamp_ns*/,
+                std::uint64_t /*offset*/) noexcept override {}
+  void on_fault(LinkFault /*fault*/, std::int64_t /*now_ns*/) noexcept override {}
+  void on_time(std::int64_t /*now_ns*/) noexcept override {}
+  [[nodiscard]] std::int64_t next_time_ns() const noexcept override { return kNever_ns; }
+};
+
+int run_bare(double run_s, const UsbOptions& usb) {
+  BareReader reader;
+  auto host = UsbHost::create(usb, reader);
+  if (!host) {
+    fmt::print(stderr, "scanners_soak: {}\n", host.error().message);
+    return 1;
+  }
+  std::thread events([&host] { (*host)->run(); });
+  std::this_thread::sleep_for(std::chrono::seconds(1));  // until they stream
+  const double cpu_before_s = cpu_s();
+  std::this_thread::sleep_for(std::chrono::duration<double>(run_s));
+  const double share = (cpu_s() - cpu_before_s) / run_s;
+  (*host)->stop();
+  events.join();
+  fmt::print("bare: {} transfers, processor {:.2f} % of one core\n", reader.transfers, 100.0 * share);
+  return reader.transfers > 0 ? 0 : 1;
 }
 
 int run(double run_s, const std::string& out, const std::array<std::string, 2>& serials, const UsbOptions& usb) {
@@ -166,10 +211,18 @@ int main(int argc, char** argv) {
   std::string out;
   std::array<std::string, 2> serials = {"00900001", "00900002"};
   app.add_option("--seconds", seconds, "From the first scan of both on")->capture_default_str();
-  app.add_option("--out", out, "File for what was seen")->required();
+  auto* const out_option = app.add_option("--out", out, "File for what was seen");
+  bool bare = false;
+  app.add_flag("--bare", bare,
+               "Reads bytes through libusb and does nothing with them: the floor of the "
+               "processor time. Wants hokuyo-sim --boot 0")
+      ->excludes(out_option);
   submapd::driver::UsbOptions usb;
   app.add_option("--transfer-bytes", usb.transfer_bytes, "Of one USB transfer, a multiple of 64")
       ->capture_default_str();
   CLI11_PARSE(app, argc, argv);
+  if (bare) {
+    return submapd::driver::run_bare(seconds, usb);
+  }
   return submapd::driver::run(seconds, out, serials, usb);
 }
