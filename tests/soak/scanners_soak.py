@@ -78,9 +78,9 @@ class Judge:
             print(f"{serial}: {scans} scans, {lost} lost, {repeated} repeated, {dropped} dropped by the ring; "
                   "faults {}, gaps {}, started again {}, quits {}".format(*counters[serial]))
             measured = sorted(self.truth[serial].values(), key=lambda scan: scan["rotation"])
-            measured = [scan for scan in measured if scan["stamp_ms"] <= max(taken[serial])]
-            since_first = [scan for scan in measured if scan["stamp_ms"] >= min(taken[serial])]
-            missing = [scan for scan in since_first if scan["stamp_ms"] not in taken[serial]]
+            first, last = min(taken[serial]), max(taken[serial])
+            measured = [scan for scan in measured if scan["stamp_ms"] <= last]
+            missing = [scan for scan in measured if scan["stamp_ms"] > first and scan["stamp_ms"] not in taken[serial]]
             without_fault = sum(not scan["faults"] for scan in missing)
             # The scan behind garbage without a line feed in it, or behind a scan cut in mid-line, is whole, as the
             # parser finds each echo at the start of a transfer: nothing undamaged may be missing.
