@@ -8,6 +8,7 @@
 #include <string>
 #include <utility>
 
+#include "driver/monotonic.hpp"
 #include "driver/usb/reset_worker.hpp"
 #include "driver/usb/usb_line.hpp"
 

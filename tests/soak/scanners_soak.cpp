@@ -16,10 +16,10 @@
 #include <thread>
 #include <vector>
 
+#include "driver/monotonic.hpp"
 #include "driver/scan_pipeline.hpp"
 #include "driver/scanners.hpp"
 #include "driver/sim/sim_sensor.hpp"
-#include "tools/hokuyo_sim/monotonic.hpp"
 
 namespace submapd::driver {
 namespace {
@@ -36,7 +36,7 @@ class TimedPipeline final : public SensorSink {
   void on_scan(const scip::ScanData& scan) noexcept override {
     pipeline_.on_scan(scan);
     if (entries.size() < entries.capacity()) {
-      entries.push_back({static_cast<std::uint32_t>(scan.time), tools::monotonic_ns()});
+      entries.push_back({static_cast<std::uint32_t>(scan.time), monotonic_now_ns()});
     }
   }
   void on_damaged_scan() noexcept override { pipeline_.on_damaged_scan(); }
@@ -161,10 +161,10 @@ int run(double run_s, const std::string& out, const std::array<std::string, 2>& 
 
   std::array<Seen, 2> seen;
   const auto both = [&seen] { return seen[0].scans > 0 && seen[1].scans > 0; };
-  std::int64_t end_ns = tools::monotonic_ns() + 30'000'000'000;  // for the start-up
+  std::int64_t end_ns = monotonic_now_ns() + 30'000'000'000;  // for the start-up
   double cpu_before_s = 0.0;
   bool measuring = false;
-  while (tools::monotonic_ns() < end_ns) {
+  while (monotonic_now_ns() < end_ns) {
     bell.wait([&rings] { return rings[0].has_data() || rings[1].has_data(); }, std::chrono::milliseconds(100));
     for (std::size_t i = 0; i < 2; ++i) {
       while (const DeviceScan* const scan = rings[i].front()) {
@@ -177,7 +177,7 @@ int run(double run_s, const std::string& out, const std::array<std::string, 2>& 
     }
     if (!measuring && both()) {
       measuring = true;
-      end_ns = tools::monotonic_ns() + static_cast<std::int64_t>(1e9 * run_s);
+      end_ns = monotonic_now_ns() + static_cast<std::int64_t>(1e9 * run_s);
       cpu_before_s = cpu_s();
     }
   }

@@ -21,6 +21,7 @@
 #include <thread>
 #include <vector>
 
+#include "driver/monotonic.hpp"
 #include "proto/channels.hpp"
 #include "proto/scan_conversion.hpp"
 #include "tools/hokuyo_sim/pty_front.hpp"
@@ -145,7 +146,7 @@ Expected<MakeRanges> simulated_ranges(const Arguments& arguments) {
     return failure(motion.error());
   }
   const auto cart = std::make_shared<const Motion>(std::move(*motion));
-  const std::int64_t start_ns = monotonic_ns();
+  const std::int64_t start_ns = driver::monotonic_now_ns();
   return MakeRanges([=, world = scene->world](std::size_t scanner) {
     WorldRangesOptions ranges;
     ranges.seed = arguments.sensor.seed + scanner;

@@ -15,7 +15,7 @@
 #include <ctime>
 #include <utility>
 
-#include "tools/hokuyo_sim/monotonic.hpp"
+#include "driver/monotonic.hpp"
 
 namespace submapd::tools {
 namespace {
@@ -64,12 +64,12 @@ Expected<std::unique_ptr<UsbipFront>> UsbipFront::open(std::uint16_t port,
 
 void UsbipFront::run(const std::atomic<bool>& stop) {
   for (driver::SimSensor* const sensor : sensors_) {
-    sensor->power_on(monotonic_ns());
+    sensor->power_on(driver::monotonic_now_ns());
   }
   while (!stop) {
-    std::int64_t next_ns = monotonic_ns() + kLongestWait_ns;
+    std::int64_t next_ns = driver::monotonic_now_ns() + kLongestWait_ns;
     for (UsbipExport& scanner : exports_) {
-      scanner.serve(monotonic_ns());
+      scanner.serve(driver::monotonic_now_ns());
       next_ns = std::min(next_ns, scanner.next_event_ns());
     }
     for (Connection& connection : connections_) {
@@ -89,7 +89,7 @@ void UsbipFront::wait(std::int64_t until_ns) {
     const int events = (waiting < kMostOutput ? POLLIN : 0) | (waiting > 0 ? POLLOUT : 0);
     watched.push_back({connection.socket, static_cast<short>(events), 0});
   }
-  const timespec timeout{0, std::clamp<std::int64_t>(until_ns - monotonic_ns(), 0, kLongestWait_ns)};
+  const timespec timeout{0, std::clamp<std::int64_t>(until_ns - driver::monotonic_now_ns(), 0, kLongestWait_ns)};
   if (ppoll(watched.data(), watched.size(), &timeout, nullptr) <= 0) {
     return;
   }
@@ -118,7 +118,8 @@ void UsbipFront::read(Connection& connection) {
   std::array<std::uint8_t, 16'384> bytes{};
   const ssize_t length = ::recv(connection.socket, bytes.data(), bytes.size(), 0);
   if (length > 0) {
-    static_cast<void>(connection.session.receive(monotonic_ns(), {bytes.data(), static_cast<std::size_t>(length)}));
+    static_cast<void>(
+        connection.session.receive(driver::monotonic_now_ns(), {bytes.data(), static_cast<std::size_t>(length)}));
   } else if (length == 0 || (errno != EAGAIN && errno != EINTR)) {
     connection.ended = true;
   }
