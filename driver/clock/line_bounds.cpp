@@ -38,6 +38,11 @@ void LineBounds::reset(const Interval& slope) {
   rebuild();
 }
 
+void LineBounds::forget_lower() {
+  lower_.size = 0;
+  rebuild();
+}
+
 void LineBounds::below(double x, double bound) {
   const Interval before = at(x);
   if (any_ && before.high - bound <= hardly_news(before)) return;

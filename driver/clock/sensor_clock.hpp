@@ -91,6 +91,7 @@ class SensorClock {
   void add_arrival(const Interval& device, double prompt_host);
   void end_window();
   void learn_delay();
+  void forget_delay();
   void restart_if_contradictory(LineBounds& bounds);
   struct HostTime {
     Interval range;
@@ -122,6 +123,7 @@ class SensorClock {
   // The fastest scan of the present window.
   int window_scans_ = 0;
   int window_length_;
+  int late_windows_ = 0;  // one after the other
   double window_late_us_ = 0.0;
   double window_x_ = 0.0;
   double window_y_ = 0.0;

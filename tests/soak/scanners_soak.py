@@ -81,9 +81,9 @@ class Judge:
             first, last = min(taken[serial]), max(taken[serial])
             measured = [scan for scan in measured if scan["stamp_ms"] <= last]
             missing = [scan for scan in measured if scan["stamp_ms"] > first and scan["stamp_ms"] not in taken[serial]]
-            without_fault = sum(not scan["faults"] for scan in missing)
-            # The scan behind garbage without a line feed in it, or behind a scan cut in mid-line, is whole, as the
-            # parser finds each echo at the start of a transfer: nothing undamaged may be missing.
+            # A host that is late hears a scan cut in mid-line and the next one without the pause between them.
+            cut = {scan["rotation"] for scan in measured if "cut" in scan["faults"]}
+            without_fault = sum(not scan["faults"] and scan["rotation"] - 1 not in cut for scan in missing)
             if without_fault or int(repeated) or int(dropped):
                 self.bad.append(f"{serial}: {without_fault} undamaged scans are missing, {repeated} came twice, "
                                 f"{dropped} were dropped")
@@ -92,12 +92,15 @@ class Judge:
             self.judge_faults(serial, measured, taken[serial], counters[serial][0])
 
     def judge_faults(self, serial, measured, taken, counted):
-        """Each damaged frame is one fault; random bytes hold a blank line now and then and are two frames then."""
+        """Each damaged frame is one fault. Random bytes hold a blank line now and then and are two frames then; behind a
+        scan cut in mid-line they are the end of that line."""
         kinds = collections.Counter(kind for scan in measured for kind in scan["faults"])
         passed = sum(scan["faults"] == ["damaged-bytes"] and scan["stamp_ms"] in taken for scan in measured)
         self.damaged_bytes += kinds["damaged-bytes"]
-        least = sum(kinds.values()) - passed
-        most = least + 2 + kinds["garbage"] // 20
+        injected = sum(kinds.values()) - passed
+        cut = {scan["rotation"] for scan in measured if "cut" in scan["faults"]}
+        least = injected - sum("garbage" in scan["faults"] and scan["rotation"] - 1 in cut for scan in measured)
+        most = injected + 2 + kinds["garbage"] // 20
         if kinds:
             print(f"{serial}: injected " + ", ".join(f"{kind} {n}" for kind, n in sorted(kinds.items())))
         if not least <= counted <= most:
