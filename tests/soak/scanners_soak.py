@@ -6,7 +6,8 @@ Prints the figures and fails if
   - a scan says other than what was measured, but for damage inside the alphabet, which a 6-bit sum lets through once in
     63 times (two bytes change; the second must undo the first) and which must be in the emulator's tally;
   - a scan is lost, repeated or dropped without a fault to blame for it, or lost scans and faults are counted wrongly;
-  - a true first beam is outside its stated bound.
+  - a true first beam is outside its stated bound while the clock says that no promise it rests on was broken (a host
+    busy for seconds breaks them; run it with SCHED_FIFO, as the daemon runs: chrt -f 50).
 Latencies and processor time depend on the machine: they are printed, and judged with --limits only. Exit codes: 0 all
 well, 1 not.
 """
@@ -92,14 +93,14 @@ class Judge:
             self.judge_faults(serial, measured, taken[serial], counters[serial][0])
 
     def judge_faults(self, serial, measured, taken, counted):
-        """Each damaged frame is one fault. Random bytes hold a blank line now and then and are two frames then; behind a
-        scan cut in mid-line they are the end of that line."""
+        """Each damaged frame is one fault. Random bytes hold a blank line now and then and are two frames then; what comes
+        behind a scan cut in mid-line, random bytes or late, is the end of that line."""
         kinds = collections.Counter(kind for scan in measured for kind in scan["faults"])
         passed = sum(scan["faults"] == ["damaged-bytes"] and scan["stamp_ms"] in taken for scan in measured)
         self.damaged_bytes += kinds["damaged-bytes"]
         injected = sum(kinds.values()) - passed
         cut = {scan["rotation"] for scan in measured if "cut" in scan["faults"]}
-        least = injected - sum("garbage" in scan["faults"] and scan["rotation"] - 1 in cut for scan in measured)
+        least = injected - sum(bool(scan["faults"]) and scan["rotation"] - 1 in cut for scan in measured)
         most = injected + 2 + kinds["garbage"] // 20
         if kinds:
             print(f"{serial}: injected " + ", ".join(f"{kind} {n}" for kind, n in sorted(kinds.items())))
@@ -119,23 +120,26 @@ class Judge:
             scan = self.truth[serial].get(int(stamp))
             if scan is not None:
                 latencies_ms.append(1e-6 * (int(in_ring) - scan["sent_ns"]))
-        outside = 0
+        broken = {serial: int(promises) for serial, _, promises in self.seen["clock"]}
+        outside = collections.Counter()
         errors_us = []
         for serial, stamp, first_beam, bound, _ in self.seen["scan"]:
             scan = self.truth[serial].get(int(stamp))
             if scan is not None:
                 error_ns = int(first_beam) - scan["first_beam_ns"]
                 errors_us.append(1e-3 * error_ns)
-                outside += abs(error_ns) > int(bound)
-        if outside:
-            self.bad.append(f"{outside} scans outside their time bound")
+                outside[serial] += abs(error_ns) > int(bound)
+        for serial, scans in outside.items():
+            if scans and not broken[serial]:
+                self.bad.append(f"{serial}: {scans} scans outside their time bound, and no promise is said to be broken")
         rms_us = (sum(error * error for error in errors_us) / len(errors_us)) ** 0.5
         p50_ms, p99_ms = percentile(latencies_ms, 0.5), percentile(latencies_ms, 0.99)
         processor = 100 * float(self.seen["cpu"][0][0])
         print(f"last byte sent -> in ring: p50 {p50_ms:.2f} ms, p99 {p99_ms:.2f} ms, "
               f"p99.9 {percentile(latencies_ms, 0.999):.2f} ms, max {max(latencies_ms):.2f} ms")
-        print(f"first beam against the truth: RMS {rms_us:.0f} us, outside its bound {outside}; "
-              + "; ".join(f"{serial}: USB grid {grid} us, {n} promises broken" for serial, grid, n in self.seen["clock"]))
+        print(f"first beam against the truth: RMS {rms_us:.0f} us; " + "; ".join(
+            f"{serial}: USB grid {grid} us, promises broken {promises}, scans outside their bound {outside[serial]}"
+            for serial, grid, promises in self.seen["clock"]))
         print(f"processor {processor:.2f} % of one core, readers included")
         if limits and (p50_ms > LATENCY_P50_MS or p99_ms > LATENCY_P99_MS or processor > PROCESSOR_PERCENT):
             self.bad.append(f"limits: p50 {LATENCY_P50_MS} ms, p99 {LATENCY_P99_MS} ms, {PROCESSOR_PERCENT} % of a core")
