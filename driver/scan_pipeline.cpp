@@ -1,9 +1,24 @@
 #include "driver/scan_pipeline.hpp"
 
+#include "driver/clock/usb_grid.hpp"
+
 namespace submapd::driver {
+
 void ScanPipeline::on_time(const TimeSample& sample) noexcept {
   clock_.add_time_reply(sample.sent_ns, sample.received_ns, sample.device_ms);
   knows_clock_ = true;
+  if (replies_ < replies_ns_.size()) {
+    replies_ns_[replies_++] = sample.received_ns;
+    measure_grid_ = true;
+  }
+}
+
+// Also said when the scanner comes back, perhaps at a port with another grid.
+void ScanPipeline::on_new_clock() noexcept {
+  clock_.begin_epoch();
+  clock_.set_usb_grid_us(assumed_grid_us_);
+  replies_ = 0;
+  measure_grid_ = false;
 }
 
 // False if the scan does not fit a slot, which no configuration of ours asks for.
@@ -23,6 +38,10 @@ bool ScanPipeline::fill(DeviceScan& slot, const scip::ScanData& scan, const Scan
 }
 
 void ScanPipeline::on_scan(const scip::ScanData& scan) noexcept {
+  if (measure_grid_) {
+    measure_grid_ = false;
+    clock_.set_usb_grid_us(measure_usb_grid_us({replies_ns_.data(), replies_}));
+  }
   const ScanTime time = clock_.add_scan(static_cast<std::uint32_t>(scan.time), scan.frame.first_byte_ns);
   if (time.repeated) {
     return;

@@ -19,7 +19,8 @@ class ScanPipeline final : public SensorSink {
   static constexpr std::size_t kMaxRings = 2;  // mapper and recorder
 
   // REQUIRES: the rings outlive the pipeline; nullptr where there is none.
-  ScanPipeline(const ClockOptions& clock, std::array<ScanRing*, kMaxRings> rings) : clock_(clock), rings_(rings) {}
+  ScanPipeline(const ClockOptions& clock, std::array<ScanRing*, kMaxRings> rings)
+      : assumed_grid_us_(clock.usb_grid_us), clock_(clock), rings_(rings) {}
   ScanPipeline(const ScanPipeline&) = delete;
   ScanPipeline& operator=(const ScanPipeline&) = delete;
   ~ScanPipeline() = default;
@@ -27,7 +28,7 @@ class ScanPipeline final : public SensorSink {
   void on_scan(const scip::ScanData& scan) noexcept override;
   void on_damaged_scan() noexcept override { after_fault_ = true; }
   void on_time(const TimeSample& sample) noexcept override;
-  void on_new_clock() noexcept override { clock_.begin_epoch(); }
+  void on_new_clock() noexcept override;
   [[nodiscard]] bool knows_clock() const noexcept override { return knows_clock_; }
 
   // Event thread only, or after it has ended.
@@ -36,8 +37,12 @@ class ScanPipeline final : public SensorSink {
  private:
   [[nodiscard]] bool fill(DeviceScan& slot, const scip::ScanData& scan, const ScanTime& time) const noexcept;
 
+  double assumed_grid_us_;
   SensorClock clock_;
   std::array<ScanRing*, kMaxRings> rings_;
+  std::array<std::int64_t, 150> replies_ns_{};  // arrivals of TM1 replies on this line
+  std::size_t replies_ = 0;
+  bool measure_grid_ = false;  // replies came since it was measured
   bool knows_clock_ = false;
   bool after_fault_ = false;
 };

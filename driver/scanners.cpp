@@ -58,7 +58,7 @@ Expected<SensorAssignment> Scanners::assign(Scanner& scanner, const SensorIdenti
     }
   }
   scanner.role = *role;
-  return SensorAssignment{sinks_[static_cast<std::size_t>(*role)], options_.intensity};
+  return SensorAssignment{sinks_[static_cast<std::size_t>(*role)], options_.intensity, false};
 }
 
 LinkClient* Scanners::arrived(const UsbPort& port) {

@@ -169,6 +169,9 @@ void Sensor::begin(Goal goal, Step first) {
 }
 
 void Sensor::on_scan(const scip::ScanData& scan) noexcept {
+  if (step_ == Step::kSelfTest) {
+    return test_scan(static_cast<std::uint32_t>(scan.time));
+  }
   if (step_ != Step::kStream && step_ != Step::kStart) {
     count(stale_scans_);
     return;
@@ -213,6 +216,8 @@ void Sensor::on_stream_status(const scip::Frame& frame) noexcept {
   }
   if (step_ == Step::kStream || step_ == Step::kStart) {
     refused(frame.echo, frame.status);
+  } else if (step_ == Step::kSelfTest) {
+    end_self_test();
   }
 }
 
@@ -223,6 +228,9 @@ void Sensor::on_fault(const scip::Fault& fault) noexcept {
       assignment_->sink->on_damaged_scan();
     }
     return;
+  }
+  if (step_ == Step::kSelfTest) {
+    ++test_.damaged;
   }
   // In SCIP 1.1 the status is one character and has no sum.
   if (step_ == Step::kQuit && fault.fault == scip::FaultClass::kBadStatus) {

@@ -18,6 +18,7 @@ constexpr std::int64_t kListen_ns = 100 * kMillisecond_ns;
 constexpr std::int64_t kPatience_ns = 15 * kSecond_ns;       // after power-on the motor spins up first
 constexpr std::int64_t kLaserPatience_ns = 10 * kSecond_ns;  // BM is refused meanwhile
 constexpr std::int64_t kLongestPause_ns = 10 * kSecond_ns;
+constexpr std::int64_t kSelfTest_ns = 6 * kSecond_ns;  // twice what it takes, and some
 constexpr int kTries = 3;
 
 std::string_view value_of(std::span<const scip::Parameter> parameters, std::string_view key) {
@@ -54,6 +55,15 @@ void Sensor::ask(std::string_view command, std::int64_t timeout_ns) {
   const std::string line = std::string(asked_.text()) + '\n';
   // If it cannot be sent there is no answer, and the time runs out.
   static_cast<void>(link_->write({reinterpret_cast<const std::uint8_t*>(line.data()), line.size()}));
+}
+
+void Sensor::ask_scans(char data, std::int64_t timeout_ns) {
+  scip::ScanRequest request;
+  request.data = data;
+  request.first_step = first_step_;
+  request.last_step = last_step_;
+  request.cluster = 0;
+  ask(scip::Command::scan(request).text(), timeout_ns);
 }
 
 void Sensor::enter(Step step, std::int64_t now_ns) {
@@ -98,13 +108,12 @@ void Sensor::enter(Step step, std::int64_t now_ns) {
         alive_ns_ = now_ns;
         rung_ = 0;
       }
-      scip::ScanRequest request;
-      request.data = assignment_->intensity ? 'E' : 'D';
-      request.first_step = first_step_;
-      request.last_step = last_step_;
-      request.cluster = 0;
-      return ask(scip::Command::scan(request).text(), kReply_ns);
+      return ask_scans(assignment_->intensity ? 'E' : 'D', kReply_ns);
     }
+    case Step::kSelfTest:
+      tell(SensorState::kStarting, "tests itself: scans with intensities");
+      test_ = {};
+      return ask_scans('E', kSelfTest_ns);
     case Step::kWait:
       watching_ = false;
       pause_ns_ = std::clamp(2 * pause_ns_, kSecond_ns, kLongestPause_ns);
@@ -143,6 +152,8 @@ void Sensor::timed_out() {
     case Step::kTimeOn:
     case Step::kTimeEnd:
       return tries_ < kTries ? enter(step_, now_ns_) : enter(Step::kLaser, now_ns_);
+    case Step::kSelfTest:
+      return end_self_test();
     case Step::kReset:
       return enter(Step::kQuit, now_ns_);
     case Step::kReboot:
@@ -209,6 +220,8 @@ void Sensor::answered(const scip::Frame& frame, std::span<const scip::Parameter>
     case Step::kTimeAsk:  // a refusal: the times come by on_time()
     case Step::kTimeEnd:
       return enter(step_ == Step::kTimeAsk ? Step::kTimeEnd : Step::kLaser, now_ns_);
+    case Step::kSelfTest:  // a refusal
+      return end_self_test();
     case Step::kLaser:
       return answered_laser(frame.status);
     case Step::kStart:
@@ -264,12 +277,35 @@ void Sensor::after_health() {
       assignment_->sink->on_new_clock();  // of the same scanner, which was away and may have been without power
     }
   }
+  if (assignment_->self_test && !status_.self_test) {
+    return enter(Step::kSelfTest, now_ns_);
+  }
   if (assignment_->sink->knows_clock()) {
     return enter(Step::kLaser, now_ns_);
   }
   samples_left_ = options_.first_samples;
   tell(SensorState::kSyncing, "");
   enter(samples_left_ > 0 ? Step::kTimeOn : Step::kLaser, now_ns_);
+}
+
+void Sensor::test_scan(std::uint32_t stamp_ms) {
+  constexpr std::uint32_t kTurn_ms = 25;
+  constexpr std::uint32_t kClockMask = 0xFFFFFF;
+  if (test_.scans > 0) {
+    const std::uint32_t turns = (((stamp_ms - test_stamp_ms_) & kClockMask) + kTurn_ms / 2) / kTurn_ms;
+    test_.lost += std::max(static_cast<int>(turns), 1) - 1;
+  }
+  test_stamp_ms_ = stamp_ms;
+  if (++test_.scans == SelfTest::kScans) {
+    end_self_test();
+  }
+}
+
+// Passed or not, it goes on with what start-up does next; if the test has hung it, with the patience of start-up.
+void Sensor::end_self_test() {
+  status_.self_test = test_;
+  tell(SensorState::kStarting, "");
+  begin(Goal::kStartUp, Step::kQuit);
 }
 
 void Sensor::next_sample() {

@@ -54,6 +54,8 @@ class LineBounds {
 
   // True if the bounds contradict each other: the quantity does not keep its promises. reset() is the only way out.
   [[nodiscard]] bool contradictory() const { return polygon_.size == 0; }
+  // Forgets what was given to above().
+  void forget_lower();
   // Forgets all bounds. `slope` replaces the range of slopes if it is not empty.
   void reset(const Interval& slope = {1.0, -1.0});
 

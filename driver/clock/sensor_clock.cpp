@@ -11,6 +11,7 @@ constexpr int kFirstWindowScans = 10;  // doubled until it is kWindowScans
 constexpr Interval kAnything{-1e12, 1e12};
 constexpr double kHorizon_s = 900.0;  // of crystal and arrival; older bounds have bent away
 constexpr double kRotorHorizon_s = 60.0;
+constexpr int kLateWindows = 30;         // without one prompt scan, until that is how it is now
 constexpr double kDelayReach_s = 120.0;  // how long after TM1 the sensor's delay is still refined
 constexpr double kLatest_ms = 3000.0;    // a stamp further from the prediction is that of another epoch
 constexpr double kRateKept_ppm = 20.0;   // how far the rate may move over a reset or a reconnect
@@ -60,6 +61,7 @@ void SensorClock::begin_epoch() {
   synchronised_ = false;
   window_scans_ = 0;
   window_length_ = kFirstWindowScans;
+  late_windows_ = 0;
   index_ = 0;
   ++epoch_;
 }
@@ -181,8 +183,14 @@ void SensorClock::add_arrival(const Interval& device, double prompt_host) {
   const double high_x = device.high / kUs;
   arrival_.below(low_x, prompt_host - device.low);
   if (arrival_.contradictory()) {
-    restart_if_contradictory(arrival_);
-    arrival_.below(low_x, prompt_host - device.low);
+    // Nothing comes early: scans that were taken for prompt were not.
+    ++contradictions_;
+    arrival_.forget_lower();
+    if (arrival_.contradictory()) {
+      arrival_.reset();
+      arrival_.below(low_x, prompt_host - device.low);
+    }
+    forget_delay();
     compared_ = false;
     window_scans_ = 0;
     scanned_ = false;
@@ -202,20 +210,32 @@ void SensorClock::add_arrival(const Interval& device, double prompt_host) {
 void SensorClock::end_window() {
   window_scans_ = 0;
   window_length_ = std::min(2 * window_length_, kWindowScans);
-  const double slack_us = options_.usb_grid_us + options_.wake_up_us;
-  arrival_.above(window_x_, window_y_ - slack_us);
-  if (arrival_.contradictory()) {
-    restart_if_contradictory(arrival_);
+  const double earliest = window_y_ - options_.usb_grid_us - options_.wake_up_us;
+  if (earliest <= arrival_.at(window_x_).high) {
+    late_windows_ = 0;
+    arrival_.above(window_x_, earliest);
+  } else {
+    // Not one scan was prompt: the host was busy. If that lasts, it is the line that has moved.
+    ++contradictions_;
+    if (++late_windows_ < kLateWindows) return;
+    arrival_.reset();
+    forget_delay();
     arrival_.below(window_x_, window_y_);
-    arrival_.above(window_x_, window_y_ - slack_us);
+    arrival_.above(window_x_, earliest);
   }
   compared_ = true;
   learn_delay();
 }
 
+void SensorClock::forget_delay() {
+  delay_us_ = {0.0, options_.longest_delay_us};
+  delay_seen_us_ = kAnything;
+  delay_known_ = false;
+}
+
 // The sensor's delay is the same at all times, so every time at which both lines are known narrows it.
 void SensorClock::learn_delay() {
-  if (!synchronised_ || window_x_ - synchronised_x_ > kDelayReach_s) return;
+  if (!synchronised_ || (delay_known_ && window_x_ - synchronised_x_ > kDelayReach_s)) return;
   const Interval arrival = arrival_.at(synchronised_x_);
   const Interval crystal = crystal_at(synchronised_x_);
   const Interval seen{arrival.low - crystal.high, arrival.high - crystal.low};
@@ -251,7 +271,7 @@ SensorClock::HostTime SensorClock::host_at(double x) const {
   if (!synchronised_) return {through, through.middle()};
   const Interval direct = crystal_at(x);
   Interval both = through.meet(direct);
-  if (both.empty()) both = through;
+  if (both.empty()) both = direct;  // TM1 promises less
   double estimate = direct.middle();
   if (delay_known_) {
     const double width = arrival.width() + delay_seen_us_.width();

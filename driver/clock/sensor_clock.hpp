@@ -4,14 +4,12 @@
 // is some 100 ppm off; USB delivers on a grid of 1 ms or 125 us, sometimes late, never early. Everything here is a
 // bound that cannot be wrong, unless a promise of ClockOptions is broken; nothing is averaged. Three slowly bending
 // lines are bounded (LineBounds):
-//   rotor    device time of scan n. Stamp s says: within [s, s + 1 ms). The rotor turns smoothly and out of step with
-//   the
-//            milliseconds, so that the edges of many stamps pin down each scan to some ten microseconds.
+//   rotor    device time of scan n. Stamp s says: within [s, s + 1 ms). The rotor turns smoothly and out of step
+//            with the milliseconds, so that the edges of many stamps pin down each scan to some ten microseconds.
 //   crystal  host time of a device time. TM1 sent at p, answered s at q: clock s was before q, clock s + 1 ms after p.
-//   arrival  host time at which the first bytes of a prompt scan with that device time come, less the sweep. No scan
-//   comes
-//            before; of each two seconds' scans (of the first ten to begin with) the fastest comes at most one USB grid
-//            later.
+//   arrival  host time at which the first bytes of a prompt scan with that device time come, less the sweep. No
+//            scan comes before; of each two seconds' scans (of the first ten to begin with) the fastest comes at most
+//            one USB grid later.
 // arrival - crystal is a constant, the sensor's own delay, bounded whenever both are known (start, each longer stop),
 // so that crystal follows arrival while the cart rolls and TM1 cannot be asked. Not known from all this is the instant
 // at which the sensor takes the stamp: ClockOptions::stamp_to_first_beam_us.
@@ -37,7 +35,7 @@ struct ClockOptions {
   double max_rotor_error = 0.02;        // the rotor's speed, relative to nominal
   double max_rotor_change_ppm_s = 5.0;  // ... and how fast it changes
   double rotor_jitter_us = 30.0;        // a single turn, or its stamp, is off the smooth motion by at most so much
-  double usb_grid_us = 1000.0;          // 1000 on full-speed host controllers, 125 on xHCI root ports
+  double usb_grid_us = 1000.0;          // 1000 on full-speed host controllers, 125 on xHCI root ports; until measured
   double wake_up_us = 150.0;            // of two seconds' scans the fastest is stamped at most so late by the host
   double longest_delay_us = 10'000.0;   // last beam to first byte of a prompt scan, until TM1 tells it better
   double first_late_us = 50'000.0;      // the first scan of an epoch is late at most so much, until others are compared
@@ -57,8 +55,9 @@ class SensorClock {
  public:
   explicit SensorClock(const ClockOptions& options);
 
-  // The grid that was measured (measure_usb_grid_us()), between the TM1 replies and the first scan.
+  // The grid that was measured (measure_usb_grid_us()); holds from the present window of scans on.
   void set_usb_grid_us(double grid_us) { options_.usb_grid_us = grid_us; }
+  [[nodiscard]] double usb_grid_us() const { return options_.usb_grid_us; }
 
   // The sensor was reset, opened again or without power: its counter began anew. The crystal's rate and the sensor's
   // delay are kept, as they are the same piece of hardware: times go on at once, with wider bounds.
@@ -92,6 +91,7 @@ class SensorClock {
   void add_arrival(const Interval& device, double prompt_host);
   void end_window();
   void learn_delay();
+  void forget_delay();
   void restart_if_contradictory(LineBounds& bounds);
   struct HostTime {
     Interval range;
@@ -123,6 +123,7 @@ class SensorClock {
   // The fastest scan of the present window.
   int window_scans_ = 0;
   int window_length_;
+  int late_windows_ = 0;  // one after the other
   double window_late_us_ = 0.0;
   double window_x_ = 0.0;
   double window_y_ = 0.0;

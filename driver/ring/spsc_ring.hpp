@@ -15,12 +15,10 @@
 //
 // Memory orders. tail_ counts what was published, head_ what was popped; both only grow (2^64 scans do not run out),
 // each has one writer, so that a writer reads its own index relaxed. A slot changes hands twice:
-//   to the consumer  publish() stores tail_ (at least release) after the slot was filled; front() loads it by acquire:
-//   if
-//                    it sees the new count, it sees the filling.
-//   back again       pop() stores head_ by release after the slot was read; claim() loads it by acquire: if it sees the
-//   new
-//                    count, the reading is over before the filling begins.
+//   to the consumer  publish() stores tail_ (at least release) after the slot was filled; front() loads it by
+//                    acquire: if it sees the new count, it sees the filling.
+//   back again       pop() stores head_ by release after the slot was read; claim() loads it by acquire: if it
+//                    sees the new count, the reading is over before the filling begins.
 // A stale index is harmless: the consumer finds the ring emptier, the producer finds it fuller than it is. That is also
 // why each side keeps a copy of the other's index and looks again only when the copy says "empty" or "full": the cache
 // line of the other side then rarely travels. publish() stores by seq_cst, not only release, because the doorbell's

@@ -84,6 +84,7 @@ void SimSensor::receive(std::int64_t now_ns, std::span<const std::uint8_t> bytes
     return;
   }
   constexpr std::size_t kLongestCommand = 128;
+  constexpr std::size_t kMostCommands = 64;  // unanswered; further ones are not heard
   for (const std::uint8_t byte : bytes) {
     if (byte != '\n' && byte != '\r') {
       if (line_.size() < kLongestCommand) {
@@ -91,7 +92,9 @@ void SimSensor::receive(std::int64_t now_ns, std::span<const std::uint8_t> bytes
       }
       continue;
     }
-    if (!line_.empty()) {
+    if (commands_.size() >= kMostCommands) {
+      line_.clear();
+    } else if (!line_.empty()) {
       const bool direct = state_ == State::kTimeMode;
       commands_.push_back({std::exchange(line_, {}), now_ns + (direct ? options_.time_mode_latency_ns : 0), direct});
     }

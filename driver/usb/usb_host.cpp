@@ -1,13 +1,16 @@
 #include "driver/usb/usb_host.hpp"
 
 #include <libusb.h>
+#include <poll.h>
 
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <ctime>
 #include <string>
 #include <utility>
 
+#include "driver/monotonic.hpp"
 #include "driver/usb/reset_worker.hpp"
 #include "driver/usb/usb_line.hpp"
 
@@ -62,6 +65,8 @@ class UsbHost::Impl {
 
   static int LIBUSB_CALL on_hotplug(libusb_context* context, libusb_device* device, libusb_hotplug_event event,
                                     void* self);
+  static void LIBUSB_CALL on_pollfd_added(int fd, short events, void* self);
+  static void LIBUSB_CALL on_pollfd_removed(int fd, void* self);
   void arrive(libusb_device* device);
   void serve_arrivals();
   void serve(Port& port, std::int64_t now_ns);
@@ -78,6 +83,7 @@ class UsbHost::Impl {
   // Filled by the hotplug callback, in which a device may not be spoken with.
   std::vector<std::pair<libusb_device*, bool>> hotplug_events_;  // device with a reference, arrived
   std::vector<std::unique_ptr<Port>> ports_;
+  std::vector<pollfd> polled_;  // what libusb waits for, its own timer included
   std::atomic<bool> stop_{false};
 };
 
@@ -103,6 +109,15 @@ Expected<void> UsbHost::Impl::start() {
   if (libusb_has_capability(LIBUSB_CAP_HAS_HOTPLUG) == 0) {
     return failure(ErrorCode::kSystem, "this libusb cannot tell of devices that come and go (hotplug)");
   }
+  libusb_set_pollfd_notifiers(context_, &Impl::on_pollfd_added, &Impl::on_pollfd_removed, this);
+  const libusb_pollfd** const polled = libusb_get_pollfds(context_);
+  for (std::size_t i = 0; polled != nullptr && polled[i] != nullptr; ++i) {
+    on_pollfd_added(polled[i]->fd, polled[i]->events, this);
+  }
+  libusb_free_pollfds(polled);
+  if (polled_.empty() || libusb_pollfds_handle_timeouts(context_) == 0) {
+    return failure(ErrorCode::kSystem, "this libusb does not tell what it waits for, or has no timer of its own");
+  }
   resets_ = std::make_unique<ResetWorker>(context_);
   const int code = libusb_hotplug_register_callback(
       context_, LIBUSB_HOTPLUG_EVENT_DEVICE_ARRIVED | LIBUSB_HOTPLUG_EVENT_DEVICE_LEFT, LIBUSB_HOTPLUG_ENUMERATE,
@@ -119,6 +134,14 @@ int UsbHost::Impl::on_hotplug(libusb_context* /*context*/, libusb_device* device
   auto& host = *static_cast<Impl*>(self);
   host.hotplug_events_.emplace_back(libusb_ref_device(device), event == LIBUSB_HOTPLUG_EVENT_DEVICE_ARRIVED);
   return 0;
+}
+
+void UsbHost::Impl::on_pollfd_added(int fd, short events, void* self) {
+  static_cast<Impl*>(self)->polled_.push_back({fd, events, 0});
+}
+
+void UsbHost::Impl::on_pollfd_removed(int fd, void* self) {
+  std::erase_if(static_cast<Impl*>(self)->polled_, [fd](const pollfd& polled) { return polled.fd == fd; });
 }
 
 void UsbHost::Impl::arrive(libusb_device* device) {
@@ -227,13 +250,15 @@ std::int64_t UsbHost::Impl::next_time_ns() const {
   return next_ns;
 }
 
+// libusb's own waiting ends at whole milliseconds only: the clock's questions would keep step with them.
 void UsbHost::Impl::wait_for_events() {
   constexpr std::int64_t kLongest_ns = 60 * kSecond_ns;
   const std::int64_t wait_ns = std::clamp<std::int64_t>(next_time_ns() - monotonic_now_ns(), 0, kLongest_ns);
-  timeval timeout{};
-  timeout.tv_sec = wait_ns / kSecond_ns;
-  timeout.tv_usec = wait_ns % kSecond_ns / 1000 + 1;
-  libusb_handle_events_timeout_completed(context_, &timeout, nullptr);
+  const timespec timeout{wait_ns / kSecond_ns, wait_ns % kSecond_ns};
+  if (ppoll(polled_.data(), polled_.size(), &timeout, nullptr) > 0) {
+    timeval no_more_waiting{};
+    libusb_handle_events_timeout_completed(context_, &no_more_waiting, nullptr);
+  }
 }
 
 void UsbHost::Impl::run() {

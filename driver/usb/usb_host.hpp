@@ -29,10 +29,9 @@ struct UsbId {
 struct UsbOptions {
   std::vector<UsbId> ids = {{0x15d1, 0x0000}};  // all URG, UTM, UXM and UTX scanners share this one
   // 16 of 4096 bytes hold half a second of MD. A transfer ends with a short packet, hence with the scan at the latest.
-  // Smaller ones tell a scan's first bytes sooner, but each costs a submission and a wake-up
-  // (tests/soak/scanners_soak.py
-  // --transfer-bytes shows it), and the clock learns the constant delay anyway. REQUIRES: bytes a multiple of 64, else
-  // full packets overflow.
+  // Smaller ones tell a scan's first bytes sooner, but each costs a submission and a wake-up (shown by
+  // tests/soak/scanners_soak.py --transfer-bytes), and the clock learns the constant delay anyway. REQUIRES: bytes a
+  // multiple of 64, else full packets overflow.
   std::size_t transfers = 16;
   std::size_t transfer_bytes = 4096;
   std::size_t max_scanners = 4;  // further ones are reported and left alone

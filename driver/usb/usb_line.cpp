@@ -2,9 +2,10 @@
 
 #include <algorithm>
 #include <cstring>
-#include <ctime>
 #include <string>
 #include <utility>
+
+#include "driver/monotonic.hpp"
 
 namespace submapd::driver {
 namespace {
@@ -32,12 +33,6 @@ Error open_error(int code) {
 }
 
 }  // namespace
-
-std::int64_t monotonic_now_ns() noexcept {
-  timespec now{};
-  clock_gettime(CLOCK_MONOTONIC, &now);
-  return std::int64_t{now.tv_sec} * 1'000'000'000 + now.tv_nsec;
-}
 
 UsbLine::UsbLine(libusb_device_handle* handle, const UsbOptions& options, LinkClient& client, UsbCounters& counters)
     : handle_(handle),

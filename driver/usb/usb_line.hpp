@@ -19,8 +19,6 @@
 
 namespace submapd::driver {
 
-[[nodiscard]] std::int64_t monotonic_now_ns() noexcept;
-
 class UsbLine final : public ByteLink {
  public:
   enum class State : std::uint8_t {

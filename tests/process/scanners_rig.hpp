@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "driver/scanners.hpp"
+#include "tests/process/host_thread.hpp"
 #include "tests/unit/driver_sim/sim_rig.hpp"
 #include "tools/hokuyo_sim/umockdev_front.hpp"
 
@@ -70,14 +71,12 @@ class RecordingSink final : public SensorSink {
 
 constexpr const char* kSerials[] = {"00903971", "00900001"};
 
-class ScannersRig {
+class ScannersRig : public HostThread {
  public:
   ScannersRig() {
     options.roles[0].serial = kSerials[0];
     options.roles[1].serial = kSerials[1];
   }
-  ScannersRig(const ScannersRig&) = delete;
-  ScannersRig& operator=(const ScannersRig&) = delete;
   ~ScannersRig() { stop(); }
 
   // Scanner 0 or 1, at port 1-1 or 1-2. It boots at once unless told otherwise.
@@ -102,23 +101,9 @@ class ScannersRig {
 
   void start() {
     scanners = std::make_unique<Scanners>(options, std::array<SensorSink*, 2>{&sinks[0], &sinks[1]});
-    auto host = UsbHost::create({}, *scanners);
-    ASSERT_TRUE(host.has_value()) << host.error().message;
-    host_ = std::move(*host);
-    thread_ = std::thread([this] { host_->run(); });
-  }
-  void stop() {
-    if (thread_.joinable()) {
-      host_->stop();
-      thread_.join();
-      host_.reset();
-    }
+    start_host({}, *scanners);
   }
 
-  bool wait(const std::function<bool()>& condition, int seconds = 15) {
-    std::unique_lock lock(mutex);
-    return changed.wait_for(lock, std::chrono::seconds(seconds), condition);
-  }
   bool wait_for_scans(std::size_t index, std::size_t count) {
     return wait([&] { return sinks[index].scans.size() >= count; });
   }
@@ -164,16 +149,10 @@ class ScannersRig {
   }
 
   ScannersOptions options;
-  std::mutex mutex;
-  std::condition_variable changed;
   std::array<RecordingSink, 2> sinks{RecordingSink(mutex, changed), RecordingSink(mutex, changed)};
   std::array<std::vector<SimScanTruth>, 2> truth;
   tools::UmockdevFront front;
   std::unique_ptr<Scanners> scanners;
-
- private:
-  std::unique_ptr<UsbHost> host_;
-  std::thread thread_;
 };
 
 }  // namespace submapd::driver::test

@@ -42,6 +42,20 @@ def two_scanners_are_listed_and_assigned(config):
     assert {s["serial"]: s["role"] for s in found} == {"00903971": "H", "00900001": "V"}, found
 
 
+def a_self_test_is_a_command(config):
+    command = [HOKUYO_SIM, "--serial", "00903971", "--boot", "0.3", "--", SUBMAPCTL, "sensors", "--json", "--config",
+               config, "--self-test"]
+    done = run(*command, "H0903971")
+    assert done.returncode == 0, done
+    test = json.loads(done.stdout)[0]["self_test"]
+    assert test == {"passed": True, "scans": 100, "damaged": 0, "lost": 0}, test
+    done = run(*command[:1], "--fault", "garbled-sum@1", *command[1:], "00903971")
+    assert done.returncode == 1 and json.loads(done.stdout)[0]["self_test"]["damaged"] == 1, done
+    done = run(*command, "123")
+    assert done.returncode == 1 and "no such scanner" in done.stderr, done
+    assert json.loads(done.stdout)[0]["self_test"] is None, done
+
+
 def no_scanner_is_no_error(config):
     done = run("umockdev-wrapper", SUBMAPCTL, "sensors", "--config", config)
     assert done.returncode == 0 and "no scanner is plugged in" in done.stderr, done
@@ -95,6 +109,7 @@ def a_terminal_speaks_scip():
 with tempfile.TemporaryDirectory() as scratch:
     file_name = os.path.join(scratch, "submapd.toml")
     two_scanners_are_listed_and_assigned(file_name)
+    a_self_test_is_a_command(file_name)
     no_scanner_is_no_error(file_name)
     nonsense_is_refused(file_name)
     truth_is_told_for_each_scan(scratch, file_name)

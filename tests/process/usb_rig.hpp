@@ -3,19 +3,18 @@
 
 #include <gtest/gtest.h>
 
-#include <chrono>
 #include <condition_variable>
-#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
 #include <string>
 #include <string_view>
-#include <thread>
 #include <utility>
 #include <vector>
 
+#include "driver/monotonic.hpp"
 #include "driver/usb/usb_host.hpp"
+#include "tests/process/host_thread.hpp"
 #include "tests/unit/driver_sim/sim_rig.hpp"
 #include "tools/hokuyo_sim/umockdev_front.hpp"
 
@@ -91,11 +90,9 @@ class RecordingClient final : public LinkClient {
   std::int64_t next_ns_ = kNever_ns;
 };
 
-class UsbRig : public UsbClients {
+class UsbRig : public HostThread, public UsbClients {
  public:
   explicit UsbRig(UsbOptions options = {}) : options_(std::move(options)) {}
-  UsbRig(const UsbRig&) = delete;
-  UsbRig& operator=(const UsbRig&) = delete;
   ~UsbRig() { stop(); }
 
   // Plugs a scanner in that boots at once.
@@ -113,24 +110,7 @@ class UsbRig : public UsbClients {
     return front.plug(std::move(scanner));
   }
 
-  void start() {
-    auto host = UsbHost::create(options_, *this);
-    ASSERT_TRUE(host.has_value()) << host.error().message;
-    host_ = std::move(*host);
-    thread_ = std::thread([this] { host_->run(); });
-  }
-  void stop() {
-    if (thread_.joinable()) {
-      host_->stop();
-      thread_.join();
-    }
-  }
-
-  // True as soon as the condition holds; false if it does not within the time.
-  bool wait(const std::function<bool()>& condition, int seconds = 10) {
-    std::unique_lock lock(mutex);
-    return changed.wait_for(lock, std::chrono::seconds(seconds), condition);
-  }
+  void start() { start_host(options_, *this); }
 
   LinkClient* arrived(const UsbPort& port) override {
     const std::lock_guard lock(mutex);
@@ -138,7 +118,7 @@ class UsbRig : public UsbClients {
     records.back()->port = port;
     clients_.push_back(std::make_unique<RecordingClient>(mutex, changed, *records.back()));
     if (reset_after_ns > 0) {
-      clients_.back()->reset_at(tools::monotonic_ns() + reset_after_ns);
+      clients_.back()->reset_at(monotonic_now_ns() + reset_after_ns);
       reset_after_ns = 0;
     }
     return clients_.back().get();
@@ -158,8 +138,6 @@ class UsbRig : public UsbClients {
     changed.notify_all();
   }
 
-  std::mutex mutex;
-  std::condition_variable changed;
   std::vector<std::unique_ptr<LineRecord>> records;  // in order of arrival
   std::vector<std::string> errors;
   std::vector<UsbCounters> counters;  // of lines that are gone
@@ -172,8 +150,6 @@ class UsbRig : public UsbClients {
  private:
   UsbOptions options_;
   std::vector<std::unique_ptr<RecordingClient>> clients_;
-  std::unique_ptr<UsbHost> host_;
-  std::thread thread_;
 };
 
 }  // namespace submapd::driver::test

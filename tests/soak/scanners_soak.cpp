@@ -4,18 +4,22 @@
 #include <sys/resource.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <chrono>
 #include <cstdio>
 #include <memory>
+#include <span>
 #include <string>
+#include <string_view>
 #include <thread>
 #include <vector>
 
+#include "driver/monotonic.hpp"
 #include "driver/scan_pipeline.hpp"
 #include "driver/scanners.hpp"
-#include "tools/hokuyo_sim/monotonic.hpp"
+#include "driver/sim/sim_sensor.hpp"
 
 namespace submapd::driver {
 namespace {
@@ -32,13 +36,16 @@ class TimedPipeline final : public SensorSink {
   void on_scan(const scip::ScanData& scan) noexcept override {
     pipeline_.on_scan(scan);
     if (entries.size() < entries.capacity()) {
-      entries.push_back({static_cast<std::uint32_t>(scan.time), tools::monotonic_ns()});
+      entries.push_back({static_cast<std::uint32_t>(scan.time), monotonic_now_ns()});
     }
   }
   void on_damaged_scan() noexcept override { pipeline_.on_damaged_scan(); }
   void on_time(const TimeSample& sample) noexcept override { pipeline_.on_time(sample); }
   void on_new_clock() noexcept override { pipeline_.on_new_clock(); }
   bool knows_clock() const noexcept override { return pipeline_.knows_clock(); }
+
+  // After the event thread has ended.
+  [[nodiscard]] const SensorClock& clock() const { return pipeline_.clock(); }
 
   std::vector<Entry> entries;
 
@@ -50,6 +57,12 @@ struct Seen {
   DeviceScan last;
   std::uint64_t scans = 0;
 };
+
+std::uint64_t hash_of(const DeviceScan& scan) {
+  std::array<std::uint32_t, DeviceScan::kMaxBeams> ranges_mm{};
+  std::copy_n(scan.ranges_mm.begin(), scan.beams, ranges_mm.begin());
+  return hash_ranges(std::span(ranges_mm).first(scan.beams));
+}
 
 class OutputFile {
  public:
@@ -75,6 +88,50 @@ double cpu_s() {
     return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec);
   };
   return seconds(usage.ru_utime) + seconds(usage.ru_stime);
+}
+
+// What libusb and the bus cost by themselves: asks for the stream and throws its bytes away.
+class BareReader final : public UsbClients, private LinkClient {
+ public:
+  LinkClient* arrived(const UsbPort& /*port*/) override { return this; }
+  void cannot_open(const UsbPort& /*port*/, const Error& /*error*/) override {}
+  void gone(const UsbPort& /*port*/, LinkClient* /*client*/, const UsbCounters& seen) override {
+    transfers += seen.transfers_in;
+  }
+  void served() noexcept override {}
+
+  std::uint64_t transfers = 0;  // of lines that are gone
+
+ private:
+  void on_open(ByteLink& link, std::int64_t /*now_ns*/) noexcept override {
+    constexpr std::string_view kStream = "QT\nMD0000108001000\n";
+    static_cast<void>(link.write({reinterpret_cast<const std::uint8_t*>(kStream.data()), kStream.size()}));
+  }
+  void on_close(std::int64_t /*now_ns*/) noexcept override {}
+  void on_stop(std::int64_t /*now_ns*/) noexcept override {}
+  void on_bytes(std::span<const std::uint8_t> /*bytes*/, std::int64_t /*stamp_ns*/,
+                std::uint64_t /*offset*/) noexcept override {}
+  void on_fault(LinkFault /*fault*/, std::int64_t /*now_ns*/) noexcept override {}
+  void on_time(std::int64_t /*now_ns*/) noexcept override {}
+  [[nodiscard]] std::int64_t next_time_ns() const noexcept override { return kNever_ns; }
+};
+
+int run_bare(double run_s, const UsbOptions& usb) {
+  BareReader reader;
+  auto host = UsbHost::create(usb, reader);
+  if (!host) {
+    fmt::print(stderr, "scanners_soak: {}\n", host.error().message);
+    return 1;
+  }
+  std::thread events([&host] { (*host)->run(); });
+  std::this_thread::sleep_for(std::chrono::seconds(1));  // until they stream
+  const double cpu_before_s = cpu_s();
+  std::this_thread::sleep_for(std::chrono::duration<double>(run_s));
+  const double share = (cpu_s() - cpu_before_s) / run_s;
+  (*host)->stop();
+  events.join();
+  fmt::print("bare: {} transfers, processor {:.2f} % of one core\n", reader.transfers, 100.0 * share);
+  return reader.transfers > 0 ? 0 : 1;
 }
 
 int run(double run_s, const std::string& out, const std::array<std::string, 2>& serials, const UsbOptions& usb) {
@@ -104,23 +161,23 @@ int run(double run_s, const std::string& out, const std::array<std::string, 2>& 
 
   std::array<Seen, 2> seen;
   const auto both = [&seen] { return seen[0].scans > 0 && seen[1].scans > 0; };
-  std::int64_t end_ns = tools::monotonic_ns() + 30'000'000'000;  // for the start-up
+  std::int64_t end_ns = monotonic_now_ns() + 30'000'000'000;  // for the start-up
   double cpu_before_s = 0.0;
   bool measuring = false;
-  while (tools::monotonic_ns() < end_ns) {
+  while (monotonic_now_ns() < end_ns) {
     bell.wait([&rings] { return rings[0].has_data() || rings[1].has_data(); }, std::chrono::milliseconds(100));
     for (std::size_t i = 0; i < 2; ++i) {
       while (const DeviceScan* const scan = rings[i].front()) {
         seen[i].last = *scan;
         ++seen[i].scans;
-        file.print(fmt::format("scan {} {} {} {} {}\n", serials[i], scan->epoch, scan->device_ms,
-                               scan->first_beam_mono_ns, scan->error_bound_ns));
+        file.print(fmt::format("scan {} {} {} {} {:016x}\n", serials[i], scan->device_ms, scan->first_beam_mono_ns,
+                               scan->error_bound_ns, hash_of(*scan)));
         rings[i].pop();
       }
     }
     if (!measuring && both()) {
       measuring = true;
-      end_ns = tools::monotonic_ns() + static_cast<std::int64_t>(1e9 * run_s);
+      end_ns = monotonic_now_ns() + static_cast<std::int64_t>(1e9 * run_s);
       cpu_before_s = cpu_s();
     }
   }
@@ -134,6 +191,8 @@ int run(double run_s, const std::string& out, const std::array<std::string, 2>& 
     }
     file.print(fmt::format("total {} {} {} {} {}\n", serials[i], seen[i].scans, seen[i].last.lost,
                            seen[i].last.repeated, rings[i].dropped()));
+    file.print(
+        fmt::format("clock {} {} {}\n", serials[i], sinks[i].clock().usb_grid_us(), sinks[i].clock().contradictions()));
   }
   for (const ScannerInfo& scanner : states) {
     file.print(fmt::format("counters {} {} {} {} {}\n", scanner.status.identity.serial, scanner.counters.faults,
@@ -152,10 +211,18 @@ int main(int argc, char** argv) {
   std::string out;
   std::array<std::string, 2> serials = {"00900001", "00900002"};
   app.add_option("--seconds", seconds, "From the first scan of both on")->capture_default_str();
-  app.add_option("--out", out, "File for what was seen")->required();
+  auto* const out_option = app.add_option("--out", out, "File for what was seen");
+  bool bare = false;
+  app.add_flag("--bare", bare,
+               "Reads bytes through libusb and does nothing with them: the floor of the "
+               "processor time. Wants hokuyo-sim --boot 0")
+      ->excludes(out_option);
   submapd::driver::UsbOptions usb;
   app.add_option("--transfer-bytes", usb.transfer_bytes, "Of one USB transfer, a multiple of 64")
       ->capture_default_str();
   CLI11_PARSE(app, argc, argv);
+  if (bare) {
+    return submapd::driver::run_bare(seconds, usb);
+  }
   return submapd::driver::run(seconds, out, serials, usb);
 }

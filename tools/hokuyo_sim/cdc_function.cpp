@@ -11,6 +11,7 @@ namespace {
 constexpr std::size_t kPacket = 64;
 
 // Request codes of chapter 9 of the USB 2.0 specification and of CDC PSTN 1.2.
+constexpr std::uint8_t kGetStatus = 0x00;
 constexpr std::uint8_t kGetDescriptor = 0x06;
 constexpr std::uint8_t kSetLineCoding = 0x20;
 constexpr std::uint8_t kGetLineCoding = 0x21;
@@ -116,6 +117,8 @@ std::optional<std::vector<std::uint8_t>> answer_control(const CdcLayout& layout,
   } else if (request == kGetDescriptor && (value_high == 1 || value_high == 2)) {
     const std::vector<std::uint8_t> all = descriptors(layout);
     answer.assign(value_high == 1 ? all.begin() : all.begin() + 18, value_high == 1 ? all.begin() + 18 : all.end());
+  } else if (request == kGetStatus) {
+    answer = {0, 0};
   } else if (request == kGetLineCoding) {
     answer = {0x00, 0xC2, 0x01, 0x00, 0, 0, 8};
   } else if (request == kSetLineCoding || request == kSetControlLineState) {
@@ -130,13 +133,15 @@ std::optional<std::vector<std::uint8_t>> answer_control(const CdcLayout& layout,
 }
 
 void BulkInQueue::push(std::vector<std::uint8_t> bytes, bool message_end) {
-  if (!bytes.empty()) {
+  if (!bytes.empty() && waiting_ + bytes.size() <= kMostBytes) {
+    waiting_ += bytes.size();
     pieces_.push_back({std::move(bytes), message_end});
   }
 }
 
 void BulkInQueue::clear() {
   pieces_.clear();
+  waiting_ = 0;
   taken_ = 0;
   message_bytes_ = 0;
 }
@@ -150,6 +155,7 @@ bool BulkInQueue::fill(std::span<std::uint8_t> buffer, std::size_t& filled) {
     }
     filled += length;
     taken_ += length;
+    waiting_ -= length;
     message_bytes_ += length;
     const bool piece_done = taken_ == piece.bytes.size();
     bool short_packet = false;

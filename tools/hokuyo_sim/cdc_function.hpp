@@ -38,6 +38,8 @@ struct CdcLayout {
 // Bytes that wait to be fetched, with the packets' edges that end a transfer early.
 class BulkInQueue {
  public:
+  static constexpr std::size_t kMostBytes = 1 << 20;  // what nobody fetches is lost beyond, as in a sensor
+
   explicit BulkInQueue(bool zero_length_packets) : zero_length_packets_(zero_length_packets) {}
 
   void push(std::vector<std::uint8_t> bytes, bool message_end);
@@ -52,6 +54,7 @@ class BulkInQueue {
     bool message_end = false;
   };
   std::deque<Piece> pieces_;
+  std::size_t waiting_ = 0;        // bytes
   std::size_t taken_ = 0;          // of the first piece
   std::size_t message_bytes_ = 0;  // since the last message's end
   bool zero_length_packets_;

@@ -21,11 +21,13 @@
 #include <thread>
 #include <vector>
 
+#include "driver/monotonic.hpp"
 #include "proto/channels.hpp"
 #include "proto/scan_conversion.hpp"
 #include "tools/hokuyo_sim/pty_front.hpp"
 #include "tools/hokuyo_sim/truth_log.hpp"
 #include "tools/hokuyo_sim/umockdev_front.hpp"
+#include "tools/hokuyo_sim/usbip_front.hpp"
 #include "tools/hokuyo_sim/world_ranges.hpp"
 #include "tools/log/log_reader.hpp"
 #include "tools/sim/scene.hpp"
@@ -50,6 +52,7 @@ struct Arguments {
   double usb_frame_us = 0.0;
   double stamp_offset_us = 0.0;
   std::string truth;
+  std::uint16_t usbip_port = 3240;  // USB/IP's own
   std::vector<std::string> command;
 };
 
@@ -143,7 +146,7 @@ Expected<MakeRanges> simulated_ranges(const Arguments& arguments) {
     return failure(motion.error());
   }
   const auto cart = std::make_shared<const Motion>(std::move(*motion));
-  const std::int64_t start_ns = monotonic_ns();
+  const std::int64_t start_ns = driver::monotonic_now_ns();
   return MakeRanges([=, world = scene->world](std::size_t scanner) {
     WorldRangesOptions ranges;
     ranges.seed = arguments.sensor.seed + scanner;
@@ -187,8 +190,8 @@ int run_command(const std::vector<std::string>& command) {
   return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
 }
 
-int serve_usb(const Arguments& arguments, const std::vector<driver::SimSensorOptions>& sensors,
-              const MakeRanges& ranges, TruthLog& truth) {
+int serve_umockdev(const Arguments& arguments, const std::vector<driver::SimSensorOptions>& sensors,
+                   const MakeRanges& ranges, TruthLog& truth) {
   UmockdevFront front;
   for (std::size_t i = 0; i < sensors.size(); ++i) {
     EmulatedScanner scanner;
@@ -207,12 +210,39 @@ int serve_usb(const Arguments& arguments, const std::vector<driver::SimSensorOpt
   return 0;
 }
 
-int serve_pty(const std::vector<driver::SimSensorOptions>& sensors, const MakeRanges& ranges, TruthLog& truth) {
-  std::vector<std::unique_ptr<driver::SimSensor>> models;
-  std::vector<PtyFront> fronts;
+using Models = std::vector<std::unique_ptr<driver::SimSensor>>;
+
+Models make_models(const std::vector<driver::SimSensorOptions>& sensors, const MakeRanges& ranges, TruthLog& truth) {
+  Models models;
   for (std::size_t i = 0; i < sensors.size(); ++i) {
     models.push_back(std::make_unique<driver::SimSensor>(sensors[i], ranges(i), truth.sink(i + 1, sensors[i].serial)));
-    auto front = PtyFront::open(*models.back());
+  }
+  return models;
+}
+
+int serve_usbip(std::uint16_t port, const Models& models) {
+  std::vector<driver::SimSensor*> sensors;
+  for (const auto& model : models) {
+    sensors.push_back(model.get());
+  }
+  auto front = UsbipFront::open(port, sensors);
+  if (!front) {
+    return complain(front.error().message(), 1);
+  }
+  fmt::print("127.0.0.1:{}\n", (*front)->port());
+  std::fflush(stdout);
+  std::atomic<bool> stop{false};
+  std::thread server([&front, &stop] { (*front)->run(stop); });
+  wait_for_signal();
+  stop = true;
+  server.join();
+  return 0;
+}
+
+int serve_pty(const std::vector<driver::SimSensorOptions>& sensors, const Models& models) {
+  std::vector<PtyFront> fronts;
+  for (std::size_t i = 0; i < sensors.size(); ++i) {
+    auto front = PtyFront::open(*models[i]);
     if (!front) {
       return complain(front.error().message(), 1);
     }
@@ -252,13 +282,21 @@ int serve(const Arguments& arguments) {
   sigaddset(&signals, SIGINT);
   sigaddset(&signals, SIGTERM);
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
-  return arguments.front == "pty" ? serve_pty(*sensors, *ranges, **truth)
-                                  : serve_usb(arguments, *sensors, *ranges, **truth);
+  if (arguments.front == "umockdev") {
+    return serve_umockdev(arguments, *sensors, *ranges, **truth);
+  }
+  const Models models = make_models(*sensors, *ranges, **truth);
+  return arguments.front == "pty" ? serve_pty(*sensors, models) : serve_usbip(arguments.usbip_port, models);
 }
 
 void add_options(CLI::App& app, Arguments& a) {
-  app.add_option("--front", a.front, "umockdev: behind libusb, for COMMAND; pty: at pseudo-terminals")
-      ->check(CLI::IsMember({"umockdev", "pty"}))
+  app.add_option(
+         "--front", a.front,
+         "umockdev: behind libusb, for COMMAND; pty: at pseudo-terminals; usbip: at a TCP port of this host, for "
+         "a kernel with vhci-hcd (usbip attach -r 127.0.0.1 -b 1-1)")
+      ->check(CLI::IsMember({"umockdev", "pty", "usbip"}))
+      ->capture_default_str();
+  app.add_option("--usbip-port", a.usbip_port, "Port of --front usbip; 0: any free one, which is printed")
       ->capture_default_str();
   app.add_option("--scanners", a.scanners, "How many, at ports 1-1, 1-2, ...")
       ->check(CLI::Range(1, 4))

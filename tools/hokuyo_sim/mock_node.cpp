@@ -18,7 +18,7 @@
 #include <utility>
 #include <vector>
 
-#include "tools/hokuyo_sim/monotonic.hpp"
+#include "driver/monotonic.hpp"
 
 namespace submapd::tools {
 namespace {
@@ -196,7 +196,7 @@ void MockNode::handle(UMockdevIoctlClient* client) {
       halted_ = false;
       in_.clear();
       end_all(-ENOENT);
-      sensor_.usb_reset(monotonic_ns());
+      sensor_.usb_reset(driver::monotonic_now_ns());
       show_reapable();
       break;
     case USBDEVFS_CLAIMINTERFACE:
@@ -235,7 +235,7 @@ int MockNode::submit(UMockdevIoctlData* arg) {
     waiting_.push_back(urb);
   } else if (request.endpoint == layout_.bulk_out) {
     const auto length = static_cast<std::size_t>(request.buffer_length);
-    sensor_.receive(monotonic_ns(), {urb.buffer->data, length});
+    sensor_.receive(driver::monotonic_now_ns(), {urb.buffer->data, length});
     urb.filled = length;
     finish(urb, 0);
   } else {

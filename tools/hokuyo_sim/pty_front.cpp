@@ -14,7 +14,7 @@
 #include <ctime>
 #include <utility>
 
-#include "tools/hokuyo_sim/monotonic.hpp"
+#include "driver/monotonic.hpp"
 
 namespace submapd::tools {
 
@@ -62,21 +62,22 @@ Expected<PtyFront> PtyFront::open(driver::SimSensor& sensor) {
 }
 
 void PtyFront::run(const std::atomic<bool>& stop) {
-  sensor_.power_on(monotonic_ns());
+  sensor_.power_on(driver::monotonic_now_ns());
   while (!stop) {
-    while (const auto output = sensor_.take(monotonic_ns())) {
+    while (const auto output = sensor_.take(driver::monotonic_now_ns())) {
       // A reader that does not keep up loses bytes, as with a real line.
       static_cast<void>(write(master_, output->bytes.data(), output->bytes.size()));
     }
     constexpr std::int64_t kLongest_ns = 100'000'000;
-    const std::int64_t wait_ns = std::clamp<std::int64_t>(sensor_.next_event_ns() - monotonic_ns(), 0, kLongest_ns);
+    const std::int64_t wait_ns =
+        std::clamp<std::int64_t>(sensor_.next_event_ns() - driver::monotonic_now_ns(), 0, kLongest_ns);
     pollfd readable{master_, POLLIN, 0};
     const timespec timeout{0, wait_ns};
     if (ppoll(&readable, 1, &timeout, nullptr) > 0 && (readable.revents & POLLIN) != 0) {
       std::array<std::uint8_t, 256> bytes{};
       const ssize_t length = read(master_, bytes.data(), bytes.size());
       if (length > 0) {
-        sensor_.receive(monotonic_ns(), {bytes.data(), static_cast<std::size_t>(length)});
+        sensor_.receive(driver::monotonic_now_ns(), {bytes.data(), static_cast<std::size_t>(length)});
       }
     }
   }

@@ -19,6 +19,7 @@
 #include <string_view>
 #include <thread>
 
+#include "driver/monotonic.hpp"
 #include "tools/hokuyo_sim/mock_node.hpp"
 
 namespace submapd::tools {
@@ -41,7 +42,7 @@ class UmockdevFront::Scanner {
         port_(std::move(scanner.port)),
         layout_(scanner.layout),
         sensor_(std::move(scanner.sensor), scanner.ranges(), std::move(scanner.truth)) {
-    sensor_.power_on(monotonic_ns());
+    sensor_.power_on(driver::monotonic_now_ns());
     plug();
     pump_ = std::thread([this] { pump(); });
   }
@@ -138,7 +139,7 @@ void UmockdevFront::Scanner::bus_event(SimOutput::Kind kind) {
 void UmockdevFront::Scanner::pump() {
   std::unique_lock lock(mutex_);
   while (!stop_) {
-    while (auto output = sensor_.take(monotonic_ns())) {
+    while (auto output = sensor_.take(driver::monotonic_now_ns())) {
       if (output->kind == SimOutput::Kind::kUnplug || output->kind == SimOutput::Kind::kReplug) {
         lock.unlock();
         bus_event(output->kind);
@@ -147,7 +148,7 @@ void UmockdevFront::Scanner::pump() {
         nodes_.back()->put(std::move(*output));
       }
     }
-    const std::int64_t wait_ns = sensor_.next_event_ns() - monotonic_ns();
+    const std::int64_t wait_ns = sensor_.next_event_ns() - driver::monotonic_now_ns();
     if (wait_ns > 0 && !stop_) {
       changed_.wait_for(lock, std::chrono::nanoseconds(wait_ns));
     }

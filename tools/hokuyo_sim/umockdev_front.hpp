@@ -14,7 +14,6 @@
 
 #include "driver/sim/sim_sensor.hpp"
 #include "tools/hokuyo_sim/cdc_function.hpp"
-#include "tools/hokuyo_sim/monotonic.hpp"
 
 namespace submapd::tools {
 

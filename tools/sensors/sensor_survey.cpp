@@ -77,8 +77,9 @@ class Survey final : public driver::UsbClients {
       options.first_samples = 0;
       return options;
     }
-    driver::Expected<driver::SensorAssignment> assign(const driver::SensorIdentity&) override {
-      return driver::SensorAssignment{this, false};
+    driver::Expected<driver::SensorAssignment> assign(const driver::SensorIdentity& identity) override {
+      const std::string& wanted = all.options_.self_test;
+      return driver::SensorAssignment{this, false, !wanted.empty() && driver::same_serial(identity.serial, wanted)};
     }
     void on_status(const driver::SensorStatus& changed) noexcept override {
       const std::lock_guard lock(all.mutex_);
@@ -133,8 +134,24 @@ class Survey final : public driver::UsbClients {
 };
 
 std::string state_of(const driver::SensorStatus& status) {
-  return status.words.empty() ? std::string(name(status.state))
-                              : fmt::format("{}: {}", name(status.state), status.words);
+  std::string text(name(status.state));
+  if (!status.words.empty()) {
+    text += ": " + status.words;
+  }
+  if (status.self_test) {
+    const driver::SelfTest& test = *status.self_test;
+    text +=
+        fmt::format("; self-test {}: {} scans with intensities, {} damaged, {} lost",
+                    test.passed() ? "passed" : "FAILED, leave intensity = false", test.scans, test.damaged, test.lost);
+  }
+  return text;
+}
+
+nlohmann::ordered_json json_of(const std::optional<driver::SelfTest>& test) {
+  if (!test) {
+    return nullptr;
+  }
+  return {{"passed", test->passed()}, {"scans", test->scans}, {"damaged", test->damaged}, {"lost", test->lost}};
 }
 
 }  // namespace
@@ -176,7 +193,8 @@ std::string json_of(const std::vector<SurveyedSensor>& sensors) {
                    {"firmware", status.identity.firmware},
                    {"state", std::string(name(status.state))},
                    {"words", status.words},
-                   {"rate_hz", sensor.rate_hz}});
+                   {"rate_hz", sensor.rate_hz},
+                   {"self_test", json_of(status.self_test)}});
   }
   // Strings come from devices: bytes that are no UTF-8 must not stop the rest.
   return all.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + '\n';

@@ -15,6 +15,7 @@ struct SurveyOptions {
   driver::RoleRules roles;  // to show who has which role already
   double longest_s = 8.0;   // a scanner that was just powered needs some seconds
   double measure_s = 1.0;   // for the rate
+  std::string self_test;    // serial number of the scanner that tries scans with intensities; empty: none
 };
 
 struct SurveyedSensor {

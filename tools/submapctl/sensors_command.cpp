@@ -1,6 +1,7 @@
 // submapctl sensors: what is plugged in, and which scanner is the horizontal and which the vertical one.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <memory>
 #include <string>
@@ -18,6 +19,7 @@ struct SensorsArguments {
   std::string config = "/etc/submapd/submapd.toml";
   bool json = false;
   std::vector<std::string> assign;
+  std::string self_test;
   double wait_s = SurveyOptions{}.longest_s;
 };
 
@@ -39,9 +41,23 @@ int assign(const SensorsArguments& arguments) {
   return 0;
 }
 
+// Of the self-test that was asked for.
+int verdict(const std::vector<SurveyedSensor>& sensors, const std::string& serial) {
+  const auto found = std::find_if(sensors.begin(), sensors.end(), [](const SurveyedSensor& sensor) {
+    return sensor.info.status.self_test.has_value();
+  });
+  if (found == sensors.end()) {
+    fmt::print(stderr, "submapctl sensors: --self-test {}: no such scanner answered in time\n", serial);
+    return 1;
+  }
+  return found->info.status.self_test->passed() ? 0 : 1;
+}
+
 int list(const SensorsArguments& arguments) {
   SurveyOptions options;
-  options.longest_s = arguments.wait_s;
+  constexpr double kSelfTest_s = 7.0;  // a scanner that needs two turns a scan
+  options.self_test = arguments.self_test;
+  options.longest_s = arguments.wait_s + (arguments.self_test.empty() ? 0.0 : kSelfTest_s);
   const auto configuration = load_configuration(arguments.config);
   if (configuration) {
     options.roles = configuration->scanner.roles;
@@ -59,7 +75,7 @@ int list(const SensorsArguments& arguments) {
   } else {
     fmt::print("{}", table_of(*sensors));
   }
-  return 0;
+  return arguments.self_test.empty() ? 0 : verdict(*sensors, arguments.self_test);
 }
 
 }  // namespace
@@ -75,6 +91,10 @@ void register_sensors(CLI::App& app, CommandRun& run) {
           "H=SERIAL V=SERIAL: writes into the configuration which scanner maps and which stands upright; V may "
           "be left out")
       ->expected(1, 2);
+  command->add_option("--self-test", arguments->self_test,
+                      "Tries whether the scanner with this serial number can send intensities at full rate, before you "
+                      "set intensity = true; some firmware hangs, so keep its power switch at hand. Exit code 1: it "
+                      "cannot");
   command->add_option("--config", arguments->config, "Configuration file")->capture_default_str();
   command->add_option("--wait", arguments->wait_s, "Longest time to wait for answers in s")
       ->check(CLI::Range(0.1, 120.0))

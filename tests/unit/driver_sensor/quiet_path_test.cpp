@@ -106,7 +106,9 @@ class ArmedRig : private ByteLink, private SensorOwner {
     return true;
   }
   void reset() noexcept override {}
-  Expected<SensorAssignment> assign(const SensorIdentity&) override { return SensorAssignment{&pipeline_, false}; }
+  Expected<SensorAssignment> assign(const SensorIdentity&) override {
+    return SensorAssignment{&pipeline_, false, false};
+  }
   void on_status(const SensorStatus&) noexcept override {}
 
   std::int64_t now_ns_ = 0;

@@ -16,10 +16,9 @@ TEST(ScanPipeline, EveryScanIsInBothRingsWithTheTrueTimeInsideItsBound) {
   options.clock_ppm = 120.0;
   options.usb_frame_ns = 125'000;
   options.packets_per_frame = 2;
-  ClockOptions clock;
-  clock.usb_grid_us = 125.0;
-  PipelineRig rig(options, clock);
+  PipelineRig rig(options);
   rig.run_to_scans(2000);
+  EXPECT_EQ(rig.pipeline.clock().usb_grid_us(), 125.0);
   EXPECT_EQ(rig.handed_on, 2000U);
   EXPECT_EQ(rig.handed_on_to_recorder, 2000U);
   EXPECT_EQ(rig.outside_bound, 0U);
@@ -27,6 +26,26 @@ TEST(ScanPipeline, EveryScanIsInBothRingsWithTheTrueTimeInsideItsBound) {
   EXPECT_EQ(rig.last.lost, 0U);
   EXPECT_EQ(rig.last.index, 1999U);
   EXPECT_LT(rig.last.error_bound_ns, 750'000);
+}
+
+TEST(ScanPipeline, TheUsbGridIsMeasuredAndForgottenWithTheLine) {
+  for (const std::int64_t frame_ns : {125'000, 1'000'000}) {
+    SimSensorOptions options;
+    options.clock_ppm = 30.0;
+    options.usb_frame_ns = frame_ns;
+    options.packets_per_frame = frame_ns == 125'000 ? 2 : 19;
+    options.script = {*parse_sim_fault("unplug@5")};
+    PipelineRig rig(options);
+    rig.run_to_scans(100);
+    EXPECT_EQ(rig.pipeline.clock().usb_grid_us(), static_cast<double>(frame_ns) * 1e-3);
+    rig.run_to_scans(400);
+    EXPECT_EQ(rig.pipeline.clock().usb_grid_us(), 1000.0) << "it may have been plugged in elsewhere";
+    rig.rig().sensor.ask_for_time();
+    rig.run_to_scans(600);
+    EXPECT_EQ(rig.pipeline.clock().usb_grid_us(), static_cast<double>(frame_ns) * 1e-3);
+    EXPECT_EQ(rig.outside_bound, 0U);
+    EXPECT_EQ(rig.pipeline.clock().contradictions(), 0U);
+  }
 }
 
 TEST(ScanPipeline, TheStampMayComeBeforeTheFirstBeam) {

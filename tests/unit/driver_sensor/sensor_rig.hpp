@@ -101,6 +101,7 @@ class SensorRig : private ByteLink, private SensorOwner, private SensorSink {
   int new_clocks = 0;
   int usb_resets = 0;
   bool intensity = false;
+  bool self_test = false;
   bool clock_known = false;
   std::optional<Error> refusal;
   SensorSink* forward_to = nullptr;  // gets everything too
@@ -162,7 +163,7 @@ class SensorRig : private ByteLink, private SensorOwner, private SensorSink {
     if (refusal) {
       return tl::unexpected(*refusal);
     }
-    return SensorAssignment{this, intensity};
+    return SensorAssignment{this, intensity, self_test};
   }
   void on_status(const SensorStatus& status) noexcept override { states.emplace_back(status.state, status.words); }
 

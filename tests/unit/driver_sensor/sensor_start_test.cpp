@@ -111,6 +111,50 @@ TEST(SensorStart, IntensitiesOnlyWhenConfigured) {
   EXPECT_EQ(rich.false_scans(), 0U);
 }
 
+// What came of a self-test, after which the sensor streams as ever.
+SelfTest self_test_of(const SimSensorOptions& options) {
+  SensorRig rig(options);
+  rig.self_test = true;
+  rig.plug_in();
+  EXPECT_TRUE(rig.run_until(30.0, [&] { return rig.scans.size() >= 40; }));
+  EXPECT_FALSE(rig.scans.back().has_intensities);
+  EXPECT_TRUE(rig.sensor.status().self_test.has_value());
+  return rig.sensor.status().self_test.value_or(SelfTest{});
+}
+
+TEST(SensorStart, ASelfTestTriesIntensitiesOnceAndTellsWhatCame) {
+  const SelfTest test = self_test_of({});
+  EXPECT_TRUE(test.passed());
+  EXPECT_EQ(test.scans, SelfTest::kScans);
+}
+
+TEST(SensorStart, ASelfTestFindsFirmwareThatNeedsTwoTurns) {
+  SimSensorOptions options;
+  options.scans_per_me_message = 2;
+  const SelfTest test = self_test_of(options);
+  EXPECT_FALSE(test.passed());
+  EXPECT_EQ(test.lost, SelfTest::kScans - 1);
+}
+
+TEST(SensorStart, ASelfTestCountsADamagedScan) {
+  SimSensorOptions options;
+  options.clock_start_ms = 0xFFFFFF - 2'500;  // the stamps may wrap in it
+  options.script = {*parse_sim_fault("garbled-sum@1")};
+  const SelfTest test = self_test_of(options);
+  EXPECT_FALSE(test.passed());
+  EXPECT_EQ(test.scans, SelfTest::kScans);
+  EXPECT_EQ(test.damaged, 1);
+  EXPECT_EQ(test.lost, 1);
+}
+
+TEST(SensorStart, ASelfTestThatHangsTheSensorEndsAndFails) {
+  SimSensorOptions options;
+  options.script = {*parse_sim_fault("hang@1:qt")};
+  const SelfTest test = self_test_of(options);
+  EXPECT_FALSE(test.passed());
+  EXPECT_LT(test.scans, SelfTest::kScans);
+}
+
 TEST(SensorStart, WithoutARoleItStaysQuietAndSaysWhy) {
   SensorRig rig;
   rig.refusal = Error{ErrorCode::kNotFound, "no role"};
