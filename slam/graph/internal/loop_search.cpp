@@ -30,6 +30,15 @@ bool usable(const VirtualLandmark& landmark, std::uint32_t a, std::uint32_t b) {
 
 }  // namespace
 
+LoopSearch::LoopSearch(const LoopSearch& other, const PairTools& tools, SubmapSource& source)
+    : tools_(tools),
+      source_(source),
+      tried_(other.tried_),
+      runs_(other.runs_),
+      refused_(other.refused_),
+      refused_for_memory_(other.refused_for_memory_),
+      load_failures_(other.load_failures_) {}
+
 std::vector<LoopCandidate> LoopSearch::untried(const GraphModel& model, RelativeUncertainty& uncertainty,
                                                std::uint32_t b, std::uint32_t min_gap) const {
   std::vector<LoopCandidate> candidates = rank_candidates(model, tools_, uncertainty, b, min_gap);

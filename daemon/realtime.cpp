@@ -1,0 +1,55 @@
+#include "daemon/realtime.hpp"
+
+#include <fmt/format.h>
+#include <malloc.h>
+#include <pthread.h>
+#include <sched.h>
+#include <sys/mman.h>
+#include <sys/resource.h>
+
+#include <cerrno>
+#include <cstring>
+
+namespace submapd {
+namespace {
+
+constexpr int kArenas = 2;  // each may keep what was freed in it
+
+}  // namespace
+
+Status lock_memory() {
+  // Freed memory stays with the process and nobody gets an arena of his own.
+  ::mallopt(M_TRIM_THRESHOLD, 64 << 20);
+  ::mallopt(M_ARENA_MAX, kArenas);
+  rlimit limit{};
+  // With a finite limit MCL_FUTURE would make a later allocation fail instead of this call.
+  const bool unlimited = ::getrlimit(RLIMIT_MEMLOCK, &limit) == 0 && limit.rlim_cur == RLIM_INFINITY;
+  if (!unlimited) {
+    rlimit wanted{RLIM_INFINITY, RLIM_INFINITY};
+    if (::setrlimit(RLIMIT_MEMLOCK, &wanted) != 0) {
+      return {StatusCode::kUnavailable,
+              fmt::format("memory is not locked: the limit is {} kB; LimitMEMLOCK=infinity in the unit lifts it",
+                          limit.rlim_cur / 1024)};
+    }
+  }
+  if (::mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) != 0) {
+    return {StatusCode::kUnavailable, fmt::format("memory is not locked: {}", std::strerror(errno))};
+  }
+  return {};
+}
+
+Status take_fifo_priority(int priority) {
+  sched_param parameters{};
+  parameters.sched_priority = priority;
+  const int error = ::pthread_setschedparam(::pthread_self(), SCHED_FIFO, &parameters);
+  if (error == 0) return {};
+  return {StatusCode::kUnavailable,
+          fmt::format("no real-time priority {}: {}; LimitRTPRIO={} in the unit allows it", priority,
+                      std::strerror(error), kUsbPriority)};
+}
+
+void name_thread(const char* name) {
+  ::pthread_setname_np(::pthread_self(), name);
+}
+
+}  // namespace submapd
