@@ -20,13 +20,14 @@ class Heartbeat {
 // Remembers the beats it saw last. One thread.
 class HeartbeatWatch {
  public:
-  explicit HeartbeatWatch(const Heartbeat& heartbeat) : heartbeat_(heartbeat) {}
+  // REQUIRES: heartbeat outlives the watch.
+  explicit HeartbeatWatch(const Heartbeat& heartbeat) : heartbeat_(&heartbeat) {}
   // True if the thread moved since the last note().
-  [[nodiscard]] bool moved() const { return heartbeat_.beats() != seen_; }
-  void note() { seen_ = heartbeat_.beats(); }
+  [[nodiscard]] bool moved() const { return heartbeat_->beats() != seen_; }
+  void note() { seen_ = heartbeat_->beats(); }
 
  private:
-  const Heartbeat& heartbeat_;
+  const Heartbeat* heartbeat_;
   std::uint64_t seen_ = 0;
 };
 

@@ -6,6 +6,7 @@
 #include <sched.h>
 #include <sys/mman.h>
 #include <sys/resource.h>
+#include <unistd.h>
 
 #include <cerrno>
 #include <cstring>
@@ -24,13 +25,10 @@ Status lock_memory() {
   rlimit limit{};
   // With a finite limit MCL_FUTURE would make a later allocation fail instead of this call.
   const bool unlimited = ::getrlimit(RLIMIT_MEMLOCK, &limit) == 0 && limit.rlim_cur == RLIM_INFINITY;
-  if (!unlimited) {
-    rlimit wanted{RLIM_INFINITY, RLIM_INFINITY};
-    if (::setrlimit(RLIMIT_MEMLOCK, &wanted) != 0) {
-      return {StatusCode::kUnavailable,
-              fmt::format("memory is not locked: the limit is {} kB; LimitMEMLOCK=infinity in the unit lifts it",
-                          limit.rlim_cur / 1024)};
-    }
+  if (!unlimited && ::geteuid() != 0) {  // root's is not limited
+    return {StatusCode::kUnavailable,
+            fmt::format("memory is not locked: the limit is {} kB; LimitMEMLOCK=infinity in the unit lifts it",
+                        limit.rlim_cur / 1024)};
   }
   if (::mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) != 0) {
     return {StatusCode::kUnavailable, fmt::format("memory is not locked: {}", std::strerror(errno))};
@@ -43,9 +41,8 @@ Status take_fifo_priority(int priority) {
   parameters.sched_priority = priority;
   const int error = ::pthread_setschedparam(::pthread_self(), SCHED_FIFO, &parameters);
   if (error == 0) return {};
-  return {StatusCode::kUnavailable,
-          fmt::format("no real-time priority {}: {}; LimitRTPRIO={} in the unit allows it", priority,
-                      std::strerror(error), kUsbPriority)};
+  return {StatusCode::kUnavailable, fmt::format("no real-time priority {}: {}; LimitRTPRIO={} in the unit allows it",
+                                                priority, std::strerror(error), kUsbPriority)};
 }
 
 void name_thread(const char* name) {

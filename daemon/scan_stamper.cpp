@@ -34,7 +34,9 @@ const Scan& ScanStamper::stamp(const driver::DeviceScan& measured) noexcept {
   epoch_ = measured.epoch;
   turn_ = measured.index;
   mono_ns_ = measured.first_beam_mono_ns;
-  scan_.stamp_us = clock_.utime_us(measured.first_beam_mono_ns);
+  // When the clock's bounds were broken and begin anew, the estimate may step back: the order of scans is surer.
+  const std::int64_t stamp_us = clock_.utime_us(measured.first_beam_mono_ns);
+  scan_.stamp_us = std::max(stamp_us, scan_.stamp_us + 1);
   scan_.ranges_mm.assign(measured.ranges_mm.begin(), measured.ranges_mm.begin() + measured.beams);
   return scan_;
 }

@@ -17,7 +17,7 @@ class ScanStamper {
   ScanStamper(RunClock clock, const ScanGeometry& geometry);
 
   // Numbers count the rotor's turns: a gap is a lost scan. When the sensor's clock begins anew, the time that passed
-  // tells how many turns are missing. The reference is valid until the next call.
+  // tells how many turns are missing. Stamps always grow. The reference is valid until the next call.
   const Scan& stamp(const driver::DeviceScan& measured) noexcept;
 
   [[nodiscard]] std::uint64_t missing() const { return missing_; }  // numbers left out so far

@@ -12,6 +12,7 @@
 #include "daemon/submap_journal.hpp"
 #include "daemon/submap_publisher.hpp"
 #include "daemon/thread_pool.hpp"
+#include "daemon/version.hpp"
 #include "proto/scan_conversion.hpp"
 #include "slam/output/pose_spool.hpp"
 #include "slam/output/run_outputs.hpp"
@@ -19,7 +20,6 @@
 #include "slam/submap/submap_archive.hpp"
 #include "tools/log/log_reader.hpp"
 #include "tools/replay/metrics.hpp"
-#include "tools/version.hpp"
 
 namespace submapd::tools {
 namespace {
@@ -36,10 +36,10 @@ struct Recording {
   std::optional<ScanOrigin> origin;
 };
 
-Expected<Recording> open_recording(const std::string& log) {
+Expected<Recording> open_recording(const std::string& log, const std::string& prefix) {
   // Filled while the reader looks for the first scan.
   const auto origin = std::make_shared<std::optional<ScanOrigin>>();
-  const auto decoder = [channel = Channels().scan_h, origin](
+  const auto decoder = [channel = Channels(prefix).scan_h, origin](
                            std::string_view name, std::span<const std::byte> data) -> Expected<std::optional<Scan>> {
     if (name != channel) return std::optional<Scan>{};
     Expected<ScanMessage> message = decode_scan(data);
@@ -192,7 +192,7 @@ Status prepare_folder(const std::filesystem::path& out) {
 Expected<ReplayResult> replay(const ReplayOptions& options,
                               const std::function<void(const ReplayProgress&)>& progress) {
   const Clock::time_point start = Clock::now();
-  Expected<Recording> recording = open_recording(options.log);
+  Expected<Recording> recording = open_recording(options.log, options.configuration.lcm.prefix);
   if (!recording) return failure(recording.error());
   const std::unique_ptr<LogReader>& reader = recording->reader;
   if (Status status = prepare_folder(options.out); !status.ok()) return failure(status);
