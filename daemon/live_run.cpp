@@ -108,6 +108,8 @@ Status LiveRun::start_threads() {
                                                      *poses_,
                                                      *publisher_,
                                                      *optimizer_thread_});
+  saver_ = std::make_unique<MapSaver>(configuration_, folder_,
+                                      SaverLinks{*mapper_, *recorder_, *optimizer_thread_, *poses_});
   watches_ = {HeartbeatWatch(mapper_->heartbeat()), HeartbeatWatch(recorder_->heartbeat()),
               HeartbeatWatch(publisher_->heartbeat())};
 
@@ -119,6 +121,7 @@ Status LiveRun::start_threads() {
 }
 
 LiveRun::~LiveRun() {
+  saver_.reset();
   acquisition_.stop();
   if (mapper_ != nullptr && recorder_ != nullptr) mapper_->finish();
   recorder_.reset();   // takes the last sub-map
@@ -139,6 +142,7 @@ Health LiveRun::look() {
   health.optimizer_thread = optimizer_thread_->counters();
   health.graph_version = optimizer_thread_->version();
   health.optimizer_trouble = optimizer_thread_->status().message();
+  health.saving = saver_->progress().state == SaveState::kWorking;
   health.rss_bytes = resident_bytes();
   health.budget_bytes =
       mapper_->bytes_limit() + configuration_.submap_cache_bytes + configuration_.graph_bytes +

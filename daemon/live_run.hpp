@@ -13,6 +13,7 @@
 
 #include "daemon/acquisition.hpp"
 #include "daemon/health.hpp"
+#include "daemon/map_saver.hpp"
 #include "daemon/recorder_thread.hpp"
 #include "daemon/run_folder.hpp"
 
@@ -25,7 +26,7 @@ class LiveRun {
   [[nodiscard]] static Expected<std::unique_ptr<LiveRun>> start(const Configuration& configuration);
   LiveRun(const LiveRun&) = delete;
   LiveRun& operator=(const LiveRun&) = delete;
-  // Ends the run: maps and writes what has been received. Waits for what the optimizer is just doing.
+  // Ends the run: maps and writes what has been received. Waits for what saver and optimizer are just doing.
   ~LiveRun();
 
   // What it wants the operator to know from the start: limits that were refused.
@@ -33,6 +34,10 @@ class LiveRun {
   // Looks at everything; rates are over the last second. Call some ten times a second.
   [[nodiscard]] Health look();
   void publish(const Health& health);
+
+  [[nodiscard]] MapSaver& saver() { return *saver_; }
+  [[nodiscard]] RecorderThread& recorder() { return *recorder_; }
+  [[nodiscard]] const RunClock& clock() const { return folder_.clock; }
 
   // True if every thread that must move did since the last true answer. The usb thread rests while no scanner is there.
   [[nodiscard]] bool all_moved();
@@ -73,6 +78,7 @@ class LiveRun {
   std::unique_ptr<PublisherThread> publisher_;
   std::unique_ptr<MapperThread> mapper_;
   std::unique_ptr<RecorderThread> recorder_;
+  std::unique_ptr<MapSaver> saver_;
 
   std::vector<HeartbeatWatch> watches_;  // of mapper, recorder, publisher
   HeartbeatWatch usb_watch_;
