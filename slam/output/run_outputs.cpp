@@ -76,7 +76,8 @@ class MarkPoses {
   [[nodiscard]] Status write(const std::filesystem::path& path) const {
     std::string text = "name,utime_us,x_m,y_m,yaw_rad\n";
     for (const auto& [mark, pose] : found_) {
-      text += fmt::format("{},{},{:.6f},{:.6f},{:.8f}\n", mark.name, mark.utime_us, pose.x, pose.y, pose.yaw);
+      text +=
+          fmt::format("{},{},{:.6f},{:.6f},{:.8f}\n", mark.name, mark.utime_us, pose.x, pose.y, wrap_angle(pose.yaw));
     }
     return atomic_write_file(path, std::as_bytes(std::span(text)));
   }
