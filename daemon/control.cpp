@@ -41,7 +41,8 @@ sigset_t ending_signals() {
   return signals;
 }
 
-Control::Control(const Configuration& configuration, LiveRun& run) : run_(run) {
+Control::Control(const Configuration& configuration, LiveRun& run, ServiceManager& service)
+    : run_(run), service_(service) {
   const sigset_t signals = ending_signals();
   signal_fd_ = ::signalfd(-1, &signals, SFD_CLOEXEC | SFD_NONBLOCK);
   timer_fd_ = ::timerfd_create(CLOCK_MONOTONIC, TFD_CLOEXEC | TFD_NONBLOCK);
@@ -75,19 +76,18 @@ void Control::add(int fd, EventLoop::Callback callback) {
   }
 }
 
-int Control::serve() {
-  service_.ready();
+Control::End Control::serve() {
   const Status status = loop_.run();
-  service_.stopping();
-  if (status.ok()) return 0;
+  if (status.ok()) return end_;
   log(Severity::kError, status.message());
-  return 1;
+  return End::kError;
 }
 
 void Control::on_signal() {
   signalfd_siginfo info{};
   if (::read(signal_fd_, &info, sizeof info) != sizeof info) return;
   log(Severity::kInfo, fmt::format("signal {}: the run ends", info.ssi_signo));
+  end_ = End::kSignal;
   loop_.stop();
 }
 
@@ -143,16 +143,22 @@ void Control::tell_waiting() {
 std::string Control::answer(std::string_view packet, const ControlPeer& peer) {
   const Expected<ControlRequest> request = parse_request(packet);
   if (!request) return refusal("", request.error());
+  if (request->verb != ControlVerb::kStatus && request->verb != ControlVerb::kHealth) {
+    log(Severity::kInfo,
+        fmt::format("{} {} by user {}, process {}", verb_name(request->verb), request->name, peer.uid, peer.pid));
+  }
   switch (request->verb) {
     case ControlVerb::kStatus:
     case ControlVerb::kHealth:
       return answer_health(*request);
     case ControlVerb::kSaveMap:
-      log(Severity::kInfo, fmt::format("save-map {} by user {}, process {}", request->name, peer.uid, peer.pid));
       return answer_save(*request, peer);
     case ControlVerb::kMark:
-      log(Severity::kInfo, fmt::format("mark {} by user {}, process {}", request->name, peer.uid, peer.pid));
       return answer_mark(*request);
+    case ControlVerb::kPause:
+    case ControlVerb::kResume:
+    case ControlVerb::kNewRun:
+      return answer_command(*request);
   }
   return refusal(request->id, {StatusCode::kInternal, "unknown verb"});
 }
@@ -184,6 +190,17 @@ std::string Control::answer_mark(const ControlRequest& request) {
                                       [](std::int64_t utime_us, const Mark& m) { return utime_us < m.utime_us; });
   marks_.insert(later, mark);
   return reply(request.id, ReplyState::kDone, fmt::format("marked {}", mark.name), {{"utime_us", mark.utime_us}});
+}
+
+std::string Control::answer_command(const ControlRequest& request) {
+  if (request.verb == ControlVerb::kNewRun) {
+    end_ = End::kNewRun;
+    loop_.stop();
+    return reply(request.id, ReplyState::kDone, "the run ends, the next begins", nlohmann::json::object());
+  }
+  const bool pause = request.verb == ControlVerb::kPause;
+  if (Status status = pause ? run_.pause() : run_.resume(); !status.ok()) return refusal(request.id, status);
+  return reply(request.id, ReplyState::kDone, pause ? "paused" : "mapping goes on", nlohmann::json::object());
 }
 
 }  // namespace submapd

@@ -26,14 +26,16 @@ namespace submapd {
 
 class Control {
  public:
-  // Throws std::runtime_error where there is no socket or no descriptor: for start-up. `run` must outlive the object.
-  Control(const Configuration& configuration, LiveRun& run);
+  // Throws std::runtime_error where there is no socket or no descriptor: for start-up. `run` and `service`
+  // must outlive the object.
+  Control(const Configuration& configuration, LiveRun& run, ServiceManager& service);
   Control(const Control&) = delete;
   Control& operator=(const Control&) = delete;
   ~Control();
 
-  // Until a signal ends it; returns the exit code.
-  [[nodiscard]] int serve();
+  enum class End : std::uint8_t { kSignal, kNewRun, kError };
+  // Until a signal or the operator ends the run.
+  [[nodiscard]] End serve();
 
  private:
   static constexpr std::size_t kMostMarks = 10'000;
@@ -49,9 +51,11 @@ class Control {
   std::string answer_health(const ControlRequest& request);
   std::string answer_save(const ControlRequest& request, const ControlPeer& peer);
   std::string answer_mark(const ControlRequest& request);
+  std::string answer_command(const ControlRequest& request);
 
   LiveRun& run_;
-  ServiceManager service_;
+  End end_ = End::kError;
+  ServiceManager& service_;
   EventLoop loop_;
   int signal_fd_ = -1;
   int timer_fd_ = -1;

@@ -16,10 +16,13 @@ struct NamedVerb {
   const char* name;
   ControlVerb verb;
 };
-constexpr std::array<NamedVerb, 4> kVerbs = {{{"status", ControlVerb::kStatus},
+constexpr std::array<NamedVerb, 7> kVerbs = {{{"status", ControlVerb::kStatus},
                                               {"health", ControlVerb::kHealth},
                                               {"save-map", ControlVerb::kSaveMap},
-                                              {"mark", ControlVerb::kMark}}};
+                                              {"mark", ControlVerb::kMark},
+                                              {"pause", ControlVerb::kPause},
+                                              {"resume", ControlVerb::kResume},
+                                              {"new-run", ControlVerb::kNewRun}}};
 
 tl::unexpected<Status> wrong(const std::string& what) {
   return failure(StatusCode::kInvalidArgument, what);
@@ -52,6 +55,13 @@ std::string dump(const nlohmann::json& json) {
 
 }  // namespace
 
+const char* verb_name(ControlVerb verb) {
+  for (const NamedVerb& known : kVerbs) {
+    if (known.verb == verb) return known.name;
+  }
+  return "";
+}
+
 Expected<ControlRequest> parse_request(std::string_view packet) {
   if (packet.size() > kMaxRequestBytes) return wrong(fmt::format("a request has at most {} bytes", kMaxRequestBytes));
   // No exceptions; the parser does not recurse.
@@ -66,7 +76,7 @@ Expected<ControlRequest> parse_request(std::string_view packet) {
         request.verb = known.verb;
         has_verb = true;
       }
-      if (!has_verb) return wrong("unknown verb; known are status, health, save-map, mark");
+      if (!has_verb) return wrong("unknown verb; known are status, health, save-map, mark, pause, resume, new-run");
     } else if (!take(key, value, request)) {
       return wrong("unknown key, or a value of another type; see control-protocol.md");
     }

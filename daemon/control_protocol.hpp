@@ -16,7 +16,7 @@ namespace submapd {
 inline constexpr std::size_t kMaxRequestBytes = 4096;
 inline constexpr std::size_t kMaxReplyBytes = 65'536;
 
-enum class ControlVerb { kStatus, kHealth, kSaveMap, kMark };
+enum class ControlVerb { kStatus, kHealth, kSaveMap, kMark, kPause, kResume, kNewRun };
 
 struct ControlRequest {
   ControlVerb verb = ControlVerb::kStatus;
@@ -26,6 +26,8 @@ struct ControlRequest {
   bool force = false;
   std::optional<std::int64_t> utime_us;
 };
+
+[[nodiscard]] const char* verb_name(ControlVerb verb);
 
 // Errors: kInvalidArgument, in words for who asked.
 [[nodiscard]] Expected<ControlRequest> parse_request(std::string_view packet);

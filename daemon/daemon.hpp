@@ -1,4 +1,4 @@
-// The program: one run from start to SIGTERM, seen by systemd and the operator.
+// The program: runs, one after the other, until SIGTERM, seen by systemd and the operator.
 #pragma once
 
 #include "daemon/configuration.hpp"

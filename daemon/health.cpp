@@ -76,6 +76,7 @@ std::string trouble_of(const Health& health) {
 std::int8_t state_of(const Health& health) {
   if (!health.optimizer_trouble.empty()) return health_t::FAILED;
   if (health.saving) return health_t::SAVING;
+  if (health.paused) return health_t::PAUSED;
   if (!trouble_of(health).empty()) return health_t::DEGRADED;
   return health.mapper.scans == 0 ? health_t::STARTING : health_t::MAPPING;
 }

@@ -44,6 +44,7 @@ struct Health {
   OptimizerThreadCounters optimizer_thread;
   std::string optimizer_trouble;  // why it has ended; empty while it runs
   bool saving = false;
+  bool paused = false;
   std::size_t rss_bytes = 0;
   std::size_t budget_bytes = 0;  // the sum of all limits
 };

@@ -92,14 +92,16 @@ Status LiveRun::start_threads() {
   mapper_options.mapper = configuration_.mapper;
   mapper_options.geometry = utm30lx_geometry();
   mapper_options.workers = configuration_.daemon.workers;
-  mapper_ = std::make_unique<MapperThread>(mapper_options, folder_.cart, folder_.run, folder_.clock,
-                                           acquisition_.mapper_ring(), mapper_bell_, to_publisher_, to_recorder_);
+  mapper_ =
+      std::make_unique<MapperThread>(mapper_options, folder_.cart, folder_.run, folder_.clock,
+                                     acquisition_.mapper_ring(), mapper_bell_, pause_, to_publisher_, to_recorder_);
 
   recorder_ =
       std::make_unique<RecorderThread>(configuration_, folder_,
                                        RecorderLinks{{&acquisition_.recorder_ring(driver::SensorRole::kHorizontal),
                                                       &acquisition_.recorder_ring(driver::SensorRole::kVertical)},
                                                      to_recorder_,
+                                                     pause_,
                                                      recorder_bell_,
                                                      *mapper_,
                                                      *archive_,
@@ -143,6 +145,7 @@ Health LiveRun::look() {
   health.graph_version = optimizer_thread_->version();
   health.optimizer_trouble = optimizer_thread_->status().message();
   health.saving = saver_->progress().state == SaveState::kWorking;
+  health.paused = pause_.paused();
   health.rss_bytes = resident_bytes();
   health.budget_bytes =
       mapper_->bytes_limit() + configuration_.submap_cache_bytes + configuration_.graph_bytes +
@@ -193,6 +196,20 @@ void LiveRun::look_at_scanners(Health& health) {
 
 void LiveRun::publish(const Health& health) {
   publisher_->post(Channels(configuration_.lcm.prefix).health, encode_message(message_of(health)));
+}
+
+Status LiveRun::pause() {
+  if (pause_.paused()) return {};
+  if (!recorder_->note(RunPaused{})) return {StatusCode::kUnavailable, "the disk does not keep up; try again"};
+  pause_.pause(monotonic_ns());
+  return {};
+}
+
+Status LiveRun::resume() {
+  if (!pause_.paused()) return {};
+  if (!recorder_->note(RunResumed{})) return {StatusCode::kUnavailable, "the disk does not keep up; try again"};
+  pause_.resume(monotonic_ns());
+  return {};
 }
 
 bool LiveRun::all_moved() {

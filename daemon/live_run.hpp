@@ -37,6 +37,9 @@ class LiveRun {
 
   [[nodiscard]] MapSaver& saver() { return *saver_; }
   [[nodiscard]] RecorderThread& recorder() { return *recorder_; }
+  // kUnavailable if the journal cannot take it.
+  [[nodiscard]] Status pause();
+  [[nodiscard]] Status resume();
   [[nodiscard]] const RunClock& clock() const { return folder_.clock; }
 
   // True if every thread that must move did since the last true answer. The usb thread rests while no scanner is there.
@@ -63,6 +66,7 @@ class LiveRun {
   driver::Doorbell mapper_bell_;
   driver::Doorbell recorder_bell_;
   driver::Doorbell publisher_bell_;
+  PauseWindow pause_;
   ReportRing to_publisher_;
   ReportRing to_recorder_;
   Acquisition acquisition_;

@@ -24,13 +24,14 @@ driver::Doorbell make_doorbell() {
 }
 
 MapperThread::MapperThread(const MapperThreadOptions& options, const Uuid& cart, const Uuid& run, RunClock clock,
-                           driver::ScanRing& scans, driver::Doorbell& bell, ReportRing& to_publisher,
-                           ReportRing& to_recorder)
+                           driver::ScanRing& scans, driver::Doorbell& bell, const PauseWindow& pause,
+                           ReportRing& to_publisher, ReportRing& to_recorder)
     : options_(options),
       cart_(cart),
       run_(run),
       scans_(scans),
       bell_(bell),
+      pause_(pause),
       to_publisher_(to_publisher),
       to_recorder_(to_recorder),
       stamper_(clock, options.geometry),
@@ -126,7 +127,9 @@ void MapperThread::process_waiting() {
     // With half of the scans the filter still tracks; with none for a second it does not.
     const bool behind = scans_.published() - popped_ > options_.longest_backlog;
     skip_next_ = behind && !skip_next_;
-    if (skip_next_) {
+    if (pause_.contains(measured->first_beam_mono_ns)) {
+      (void)stamper_.stamp(*measured);
+    } else if (skip_next_) {
       skipped_.fetch_add(1, std::memory_order_relaxed);
       (void)stamper_.stamp(*measured);
     } else {

@@ -15,6 +15,7 @@
 #include <thread>
 
 #include "daemon/heartbeat.hpp"
+#include "daemon/pause_window.hpp"
 #include "daemon/scan_stamper.hpp"
 #include "driver/ring/scan_ring.hpp"
 #include "slam/base/status.hpp"
@@ -58,7 +59,8 @@ class MapperThread {
  public:
   // Starts. `bell` is rung by the producer of `scans`. All must outlive the object.
   MapperThread(const MapperThreadOptions& options, const Uuid& cart, const Uuid& run, RunClock clock,
-               driver::ScanRing& scans, driver::Doorbell& bell, ReportRing& to_publisher, ReportRing& to_recorder);
+               driver::ScanRing& scans, driver::Doorbell& bell, const PauseWindow& pause, ReportRing& to_publisher,
+               ReportRing& to_recorder);
   MapperThread(const MapperThread&) = delete;
   MapperThread& operator=(const MapperThread&) = delete;
   // Without finish() the open sub-map is given up.
@@ -95,6 +97,7 @@ class MapperThread {
   const Uuid run_;
   driver::ScanRing& scans_;
   driver::Doorbell& bell_;
+  const PauseWindow& pause_;
   ReportRing& to_publisher_;
   ReportRing& to_recorder_;
 

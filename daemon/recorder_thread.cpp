@@ -108,6 +108,7 @@ void RecorderThread::write_scans() {
 void RecorderThread::write_scan(driver::SensorRole role, const driver::DeviceScan& measured) {
   const auto i = static_cast<std::size_t>(role);
   const Scan& scan = stampers_[i].stamp(measured);
+  if (links_.pause.contains(measured.first_beam_mono_ns)) return;
   const bool sent = scan_every_ > 0 && seen_[i]++ % scan_every_ == 0;
   const bool written = options_.raw && disk_.load(std::memory_order_relaxed) != DiskState::kLast;
   if (options_.raw && !written) raw_lost_.fetch_add(1, std::memory_order_relaxed);

@@ -45,6 +45,7 @@ struct RecorderState {
 struct RecorderLinks {
   std::array<driver::ScanRing*, driver::kSensorRoles> scans;  // by SensorRole
   ReportRing& reports;
+  const PauseWindow& pause;
   driver::Doorbell& bell;  // rung by the producers of all three rings
   MapperThread& mapper;
   SubmapArchive& archive;

@@ -58,6 +58,8 @@ struct PutEvent {
     out.put(e.not_recorded);
   }
   void operator()(const RunEnded&) const {}
+  void operator()(const RunPaused&) const {}
+  void operator()(const RunResumed&) const {}
 };
 
 Sha256 get_hash(ByteReader& in) {
@@ -99,6 +101,12 @@ bool get_event(std::uint8_t type, ByteReader& in, JournalEvent& event) {
     }
     case 6:
       event.emplace<RunEnded>();
+      return true;
+    case 7:
+      event.emplace<RunPaused>();
+      return true;
+    case 8:
+      event.emplace<RunResumed>();
       return true;
     default:
       return false;

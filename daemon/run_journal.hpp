@@ -51,8 +51,16 @@ struct RunEnded {
   friend bool operator==(const RunEnded&, const RunEnded&) = default;
 };
 
+struct RunPaused {
+  friend bool operator==(const RunPaused&, const RunPaused&) = default;
+};
+struct RunResumed {
+  friend bool operator==(const RunResumed&, const RunResumed&) = default;
+};
+
 // In the order of their numbers in the file, from 1.
-using JournalEvent = std::variant<RunStarted, SubmapSaved, MarkSet, MapSaved, ScansShed, RunEnded>;
+using JournalEvent =
+    std::variant<RunStarted, SubmapSaved, MarkSet, MapSaved, ScansShed, RunEnded, RunPaused, RunResumed>;
 
 struct JournalRecord {
   std::int64_t utime_us = 0;  // when it was written

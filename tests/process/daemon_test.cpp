@@ -154,6 +154,20 @@ TEST(DaemonTest, MapsSavesSurvivesAPulledCableAndReplaysBitForBit) {
   }));
   EXPECT_EQ(rig.health()["scanners"]["horizontal"]["reconnects"], 1);
 
+  EXPECT_EQ(rig.ask({{"verb", "pause"}})["state"], "done");
+  ASSERT_TRUE(rig.wait_for_health([](const json& h) { return h["state"] == "paused"; }));
+  // In effect when four looks in a row see the same: the daemon looks ten times a second, the scanners eighty.
+  std::int64_t scans = -1;
+  int same = 0;
+  std::int64_t looked_us = 0;
+  EXPECT_TRUE(rig.wait_for_health([&](const json& h) {
+    if (std::exchange(looked_us, h["utime_us"].get<std::int64_t>()) == h["utime_us"]) return false;
+    same = std::exchange(scans, h["recorder"]["raw_scans"].get<std::int64_t>()) == scans ? same + 1 : 0;
+    return same == 4;
+  }));
+  EXPECT_EQ(rig.ask({{"verb", "resume"}})["state"], "done");
+  EXPECT_TRUE(rig.wait_for_health([&](const json& h) { return h["recorder"]["raw_scans"] > scans + 40; }));
+
   ASSERT_EQ(rig.end(SIGTERM), 0);
   ASSERT_EQ(rig.runs().size(), 1U);
   const std::filesystem::path run = rig.runs()[0];
@@ -205,8 +219,11 @@ TEST(DaemonTest, KilledItKeepsFinishedSubmapsAndTheRawLogAndStartsAgain) {
   rig.plug_scanners();
   rig.start();
   EXPECT_TRUE(rig.wait_for_health([](const json& h) { return h["state"] == "mapping"; }));
+  EXPECT_EQ(rig.ask({{"verb", "new-run"}})["state"], "done");
+  EXPECT_TRUE(rig.wait_for_health(
+      [&](const json& h) { return rig.runs().size() == 3 && h["run"] == rig.runs().back().filename().string(); }));
   EXPECT_EQ(rig.end(SIGTERM), 0);
-  EXPECT_EQ(rig.runs().size(), 2U);
+  EXPECT_EQ(rig.runs().size(), 3U);
   EXPECT_EQ(DaemonRig::journal_of(rig.runs()[0]).cart, DaemonRig::journal_of(rig.runs()[1]).cart);
 }
 

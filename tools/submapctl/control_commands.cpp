@@ -1,4 +1,4 @@
-// submapctl status, health, monitor, save-map, mark: what is asked of a running daemon.
+// submapctl status, health, monitor, save-map, mark, pause, resume, new-run: what is asked of a running daemon.
 #include <fmt/format.h>
 #include <unistd.h>
 
@@ -118,6 +118,23 @@ int run_mark(const ControlArguments& arguments) {
   return 0;
 }
 
+int run_command(const char* verb, const ControlArguments& arguments) {
+  const Expected<json> reply = ask(arguments, {{"verb", verb}});
+  if (!reply) return report(verb, reply.error());
+  if (const int code = code_of(verb, *reply); code != 0) return code;
+  fmt::print("{}\n", text_of(*reply, "message"));
+  return 0;
+}
+int run_pause(const ControlArguments& arguments) {
+  return run_command("pause", arguments);
+}
+int run_resume(const ControlArguments& arguments) {
+  return run_command("resume", arguments);
+}
+int run_new_run(const ControlArguments& arguments) {
+  return run_command("new-run", arguments);
+}
+
 }  // namespace
 
 void register_control(CLI::App& app, CommandRun& run) {
@@ -141,6 +158,10 @@ void register_control(CLI::App& app, CommandRun& run) {
   save->add_option("NAME", save_arguments->name, "Default map-YYYYmmdd-HHMMSS (UTC)");
   save->add_flag("--wait", save_arguments->wait, "Until it is saved");
   save->add_flag("--force", save_arguments->force, "Replace a map of that name");
+
+  add("pause", "Neither map nor record until resume; the map stays", run_pause);
+  add("resume", "Go on after pause", run_resume);
+  add("new-run", "End this run and begin the next, in a folder of its own", run_new_run);
 
   auto [mark, mark_arguments] = add("mark", "Name an instant; its pose comes into marks.csv of saved maps", run_mark);
   mark->add_option("NAME", mark_arguments->name, "Of the mark")->required();

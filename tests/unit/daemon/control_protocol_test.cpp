@@ -36,6 +36,9 @@ TEST(ControlProtocolTest, EveryKeyIsTaken) {
   EXPECT_EQ(mark->utime_us, INT64_MIN);
   EXPECT_EQ(parse_request(R"({"verb":"status"})")->verb, ControlVerb::kStatus);
   EXPECT_EQ(parse_request(R"({"verb":"health"})")->verb, ControlVerb::kHealth);
+  EXPECT_EQ(parse_request(R"({"verb":"pause"})")->verb, ControlVerb::kPause);
+  EXPECT_EQ(parse_request(R"({"verb":"resume"})")->verb, ControlVerb::kResume);
+  EXPECT_EQ(parse_request(R"({"verb":"new-run"})")->verb, ControlVerb::kNewRun);
 }
 
 TEST(ControlProtocolTest, AnythingElseIsRefusedInWords) {

@@ -20,8 +20,8 @@ std::vector<JournalRecord> one_of_each() {
   Sha256 hash{};
   hash[0] = 1;
   hash[31] = 255;
-  return {{1, RunStarted{-5, "0.1.0"}}, {2, SubmapSaved{7, hash}},     {3, MarkSet{-9, "door"}},
-          {4, MapSaved{"hall.1"}},      {5, ScansShed{1, 1ULL << 63}}, {6, RunEnded{}}};
+  return {{1, RunStarted{-5, "0.1.0"}},  {2, SubmapSaved{7, hash}}, {3, MarkSet{-9, "door"}}, {4, MapSaved{"hall.1"}},
+          {5, ScansShed{1, 1ULL << 63}}, {6, RunEnded{}},           {7, RunPaused{}},         {8, RunResumed{}}};
 }
 
 std::vector<std::byte> encode(const std::vector<JournalRecord>& records) {
