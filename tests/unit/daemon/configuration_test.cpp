@@ -375,6 +375,12 @@ TEST(ConfigurationTest, ThePageShowsTheKeysAsTheyAre) {
       << "put what describe_configuration() says into the page";
 }
 
+TEST(ConfigurationTest, TheShippedFileIsLoaded) {
+  const Expected<Configuration> shipped = load_configuration(SHIPPED_CONFIGURATION);
+  ASSERT_TRUE(shipped.has_value()) << shipped.error().message();
+  EXPECT_EQ(shipped->daemon.control_group, "submapd-operators");
+}
+
 // What the ranges allow, the mapper can work with.
 TEST(ConfigurationTest, AMapperWorksAtBothEndsOfEveryKey) {
   for (const DescribedKey& key : described_keys()) {
