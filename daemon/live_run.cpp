@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <exception>
 
+#include "daemon/multicast_route.hpp"
 #include "daemon/version.hpp"
 #include "proto/lcm_message.hpp"
 
@@ -79,14 +80,18 @@ Status LiveRun::start_threads() {
   thread_options.cart = folder_.cart;
   thread_options.run = folder_.run;
   thread_options.channels = channels;
-  // Without a network it hears of sub-maps by announce() and reads them from the archive.
-  optimizer_lcm_ = std::make_unique<lcm::LCM>(configuration_.lcm.url);
+  // Without a network it hears of sub-maps by announce() and reads them from the archive, and the publisher sends its
+  // graphs as soon as there is one.
+  optimizer_lcm_ = has_multicast_route(configuration_.lcm.url)
+                       ? std::make_unique<lcm::LCM>(configuration_.lcm.url)
+                       : std::make_unique<lcm::LCM>(static_cast<lcm_t*>(nullptr));
   optimizer_thread_ = std::make_unique<OptimizerThread>(
       thread_options, *optimizer_lcm_,
       [this](std::uint32_t index, const Sha256& hash) { return hashes_.find(index) == hash; }, *archive_, *optimizer_);
 
-  publisher_ = std::make_unique<PublisherThread>(PublisherThreadOptions{configuration_.lcm.url, channels}, folder_.cart,
-                                                 folder_.run, to_publisher_, publisher_bell_, *optimizer_thread_);
+  publisher_ = std::make_unique<PublisherThread>(
+      PublisherThreadOptions{configuration_.lcm.url, channels, !optimizer_lcm_->good()}, folder_.cart, folder_.run,
+      to_publisher_, publisher_bell_, *optimizer_thread_);
 
   MapperThreadOptions mapper_options;
   mapper_options.mapper = configuration_.mapper;

@@ -5,7 +5,9 @@
 #include <utility>
 
 #include "daemon/daemon_log.hpp"
+#include "daemon/multicast_route.hpp"
 #include "daemon/realtime.hpp"
+#include "proto/graph_conversion.hpp"
 #include "proto/lcm_message.hpp"
 #include "submapd/pose_t.hpp"
 
@@ -16,6 +18,7 @@ constexpr std::chrono::milliseconds kIdle{100};
 constexpr std::int64_t kSecond_ns = 1'000'000'000;
 constexpr std::int64_t kFirstPatience_ns = 2 * kSecond_ns;  // before another try for a network, doubling
 constexpr std::int64_t kLongestPatience_ns = 60 * kSecond_ns;
+constexpr std::chrono::milliseconds kGraphPace{2};  // between its parts
 constexpr std::size_t kMostPosted = 64;
 constexpr std::size_t kMostHandedOver = 4;
 constexpr std::size_t kLatencies = 2400;  // a minute
@@ -86,14 +89,15 @@ void PublisherThread::run() {
       reports_.pop();
     }
     send_queued();
+    if (options_.graphs) send_graph();
     if (stop) return;
   }
 }
 
 void PublisherThread::seek_network() {
   if (good_.load(std::memory_order_relaxed) || monotonic_ns() < next_try_ns_) return;
-  lcm_ = std::make_unique<lcm::LCM>(options_.url);
-  if (lcm_->good()) {
+  if (has_multicast_route(options_.url)) lcm_ = std::make_unique<lcm::LCM>(options_.url);
+  if (lcm_ != nullptr && lcm_->good()) {
     submaps_ = std::make_unique<SubmapPublisher>(*lcm_, SubmapPublisherOptions{options_.channels, {}});
     good_.store(true);
     log(Severity::kInfo, "publishing on " + options_.url);
@@ -155,6 +159,16 @@ void PublisherThread::note_latency(std::int64_t arrived_ns) {
   p99_ms_.store(static_cast<double>(*at));
 }
 
+void PublisherThread::send_graph() {
+  if (lcm_ == nullptr || optimizer_.version() == sent_version_) return;
+  const GraphState state = optimizer_.latest();
+  sent_version_ = state.version;
+  for (const std::vector<std::byte>& part : encode_graph(state, newest_stamp_us_, cart_, run_)) {
+    send(options_.channels.graph, part);
+    std::this_thread::sleep_for(kGraphPace);
+  }
+}
+
 void PublisherThread::send_queued() {
   if (!queued_.exchange(false)) return;
   std::deque<Posted> posted;
@@ -166,6 +180,7 @@ void PublisherThread::send_queued() {
   }
   for (const Posted& p : posted) send(p.channel, p.message);
   for (const HandedOver& h : handed_over) {
+    newest_stamp_us_ = h.submap->keyframes.back().stamp_us;
     odom_from_submap_[h.submap->id.index] = h.submap->odom_from_submap;
     if (submaps_ == nullptr) continue;
     // A failure is noticed by the optimizer, which reads the archive.

@@ -26,6 +26,7 @@ namespace submapd {
 struct PublisherThreadOptions {
   std::string url;
   Channels channels;
+  bool graphs = false;  // send the optimizer's graphs too, because it has no network of its own
 };
 
 struct PublisherState {
@@ -67,6 +68,7 @@ class PublisherThread {
   void seek_network();
   void send_pose(const MappedScan& mapped);
   void send_queued();
+  void send_graph();
   void send(const std::string& channel, const std::vector<std::byte>& message);
   void note_latency(std::int64_t arrived_ns);
 
@@ -82,6 +84,8 @@ class PublisherThread {
   std::unique_ptr<SubmapPublisher> submaps_;
   std::int64_t next_try_ns_ = 0;
   std::int64_t patience_ns_ = 0;
+  std::uint32_t sent_version_ = 0;  // of the graph
+  std::int64_t newest_stamp_us_ = 0;
   std::map<std::uint32_t, Pose2> odom_from_submap_;  // of the sub-maps from the graph's newest on
   Pose2 map_from_odom_;
   std::vector<float> latencies_ms_;

@@ -43,6 +43,25 @@ class PoseListener {
   std::jthread thread_;
 };
 
+class GraphListener {
+ public:
+  GraphListener() : lcm_("udpm://239.255.76.67:7667?ttl=0") {
+    lcm_.subscribeFunction(
+        "CART_GRAPH", +[](const lcm::ReceiveBuffer*, const std::string&, GraphListener* self) { self->heard_ = true; },
+        this);
+  }
+  // Handles what has come.
+  [[nodiscard]] bool heard() {
+    while (lcm_.handleTimeout(0) > 0) {
+    }
+    return heard_;
+  }
+
+ private:
+  lcm::LCM lcm_;
+  bool heard_ = false;
+};
+
 // Stamps and numbers of a channel's scans.
 struct LoggedScan {
   std::uint64_t index = 0;
@@ -200,6 +219,23 @@ TEST(DaemonTest, MapsSavesSurvivesAPulledCableAndReplaysBitForBit) {
     EXPECT_EQ(bytes_of(run / name), bytes_of(again / name)) << name;
   }
   EXPECT_FALSE(std::filesystem::exists(again / fmt::format("submaps/{:06}.submap", submaps)));
+}
+
+// No multicast route at the start, one later: mapping does not care, and poses and graphs go out as soon as they can.
+TEST(DaemonTest, WithoutANetworkItMapsAndRecoversByItself) {
+  DaemonRig rig;
+  ASSERT_EQ(rig.run({"/bin/sh", "-c", "ip route del 224.0.0.0/4 dev lo"}), 0);
+  rig.start();
+  EXPECT_TRUE(rig.wait_for_health([](const json& h) {
+    return h["state"] == "degraded" && h["message"].get<std::string>().find("network") != std::string::npos;
+  }));
+  EXPECT_TRUE(rig.wait_for_health([](const json& h) { return h["optimizer"]["submaps"] >= 1; })) << "by the archive";
+  EXPECT_EQ(rig.health()["publisher"]["lcm"], false);
+  ASSERT_EQ(rig.run({"/bin/sh", "-c", "ip route add 224.0.0.0/4 dev lo"}), 0);
+  GraphListener listener;
+  EXPECT_TRUE(rig.wait_for_health([](const json& h) { return h["state"] == "mapping"; }));
+  EXPECT_TRUE(rig.wait_for_health([&](const json&) { return listener.heard(); })) << "a graph";
+  EXPECT_EQ(rig.end(SIGTERM), 0);
 }
 
 TEST(DaemonTest, KilledItKeepsFinishedSubmapsAndTheRawLogAndStartsAgain) {
