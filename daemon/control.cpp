@@ -33,17 +33,18 @@ std::string reply_of(const std::string& id, const SaveProgress& progress) {
 
 }  // namespace
 
-sigset_t ending_signals() {
+sigset_t control_signals() {
   sigset_t signals;
   sigemptyset(&signals);
   sigaddset(&signals, SIGTERM);
   sigaddset(&signals, SIGINT);
+  sigaddset(&signals, SIGHUP);
   return signals;
 }
 
 Control::Control(const Configuration& configuration, LiveRun& run, ServiceManager& service)
     : run_(run), service_(service) {
-  const sigset_t signals = ending_signals();
+  const sigset_t signals = control_signals();
   signal_fd_ = ::signalfd(-1, &signals, SFD_CLOEXEC | SFD_NONBLOCK);
   timer_fd_ = ::timerfd_create(CLOCK_MONOTONIC, TFD_CLOEXEC | TFD_NONBLOCK);
   const itimerspec often{{0, kLook_ns}, {0, kLook_ns}};
@@ -86,6 +87,11 @@ Control::End Control::serve() {
 void Control::on_signal() {
   signalfd_siginfo info{};
   if (::read(signal_fd_, &info, sizeof info) != sizeof info) return;
+  if (info.ssi_signo == SIGHUP) {
+    // Pools, rings and sockets are made once; a run's options are part of what replay repeats.
+    log(Severity::kWarning, "SIGHUP: the configuration is read at the start only; restart submapd to take it");
+    return;
+  }
   log(Severity::kInfo, fmt::format("signal {}: the run ends", info.ssi_signo));
   end_ = End::kSignal;
   loop_.stop();

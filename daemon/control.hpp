@@ -21,8 +21,8 @@
 
 namespace submapd {
 
-// Those that end the program. REQUIRES: blocked in all threads.
-[[nodiscard]] sigset_t ending_signals();
+// Those that the control thread takes. REQUIRES: blocked in all threads.
+[[nodiscard]] sigset_t control_signals();
 
 class Control {
  public:

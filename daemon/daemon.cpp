@@ -40,7 +40,7 @@ Control::End run_once(const Configuration& configuration, ServiceManager& servic
 }  // namespace
 
 int run_daemon(const Configuration& configuration) {
-  const sigset_t signals = ending_signals();
+  const sigset_t signals = control_signals();
   ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   ::signal(SIGPIPE, SIG_IGN);
   name_thread("submapd");

@@ -103,6 +103,7 @@ class DaemonRig {
     child_ = spawn(words, (folder_.path() / "messages").string());
     ASSERT_GT(child_, 0);
   }
+  void signal(int which) { ::kill(child_, which); }
   // Sends the signal and returns the exit code, or minus the signal that ended it.
   int end(int signal) {
     ::kill(child_, signal);

@@ -187,8 +187,10 @@ TEST(DaemonTest, MapsSavesSurvivesAPulledCableAndReplaysBitForBit) {
   EXPECT_EQ(rig.ask({{"verb", "resume"}})["state"], "done");
   EXPECT_TRUE(rig.wait_for_health([&](const json& h) { return h["recorder"]["raw_scans"] > scans + 40; }));
 
+  rig.signal(SIGHUP);  // changes nothing
   ASSERT_EQ(rig.end(SIGTERM), 0);
   ASSERT_EQ(rig.runs().size(), 1U);
+  EXPECT_NE(rig.messages().find("SIGHUP"), std::string::npos);
   const std::filesystem::path run = rig.runs()[0];
   const std::size_t submaps = check_submaps(run);
   EXPECT_GE(submaps, 3U) << "the last one too";
