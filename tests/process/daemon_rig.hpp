@@ -5,9 +5,12 @@
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
+#include <poll.h>
 #include <sched.h>
 #include <signal.h>
 #include <spawn.h>
+#include <sys/socket.h>
+#include <sys/un.h>
 #include <sys/wait.h>
 
 #include <algorithm>
@@ -48,9 +51,53 @@ constexpr const char* kSerials[] = {"00903971", "00900001"};
   return {bytes.begin(), bytes.end()};
 }
 
+// In systemd's place: what the daemon notifies.
+class NotifySocket {
+ public:
+  explicit NotifySocket(const std::string& path) : fd_(::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0)) {
+    sockaddr_un address{};
+    address.sun_family = AF_UNIX;
+    path.copy(address.sun_path, sizeof address.sun_path - 1);
+    EXPECT_EQ(::bind(fd_, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+    thread_ = std::jthread([this](const std::stop_token& stop) {
+      while (!stop.stop_requested()) take();
+      take();
+    });
+  }
+  NotifySocket(const NotifySocket&) = delete;
+  NotifySocket& operator=(const NotifySocket&) = delete;
+  ~NotifySocket() {
+    if (thread_.joinable()) (void)heard();
+    ::close(fd_);
+  }
+  // Ends listening.
+  [[nodiscard]] std::vector<std::string> heard() {
+    thread_.request_stop();
+    thread_.join();
+    return heard_;
+  }
+
+ private:
+  void take() {
+    pollfd poll_fd{fd_, POLLIN, 0};
+    int timeout_ms = 50;
+    while (::poll(&poll_fd, 1, timeout_ms) > 0) {
+      std::array<char, 4096> text{};
+      const ssize_t size = ::recv(fd_, text.data(), text.size(), 0);
+      if (size > 0) heard_.emplace_back(text.data(), static_cast<std::size_t>(size));
+      timeout_ms = 0;
+    }
+  }
+  int fd_;
+  std::vector<std::string> heard_;  // the thread's while it runs
+  std::jthread thread_;
+};
+
 class DaemonRig {
  public:
-  DaemonRig() {
+  DaemonRig() : notify(scratch() / "notify") {
+    ::setenv("NOTIFY_SOCKET", (scratch() / "notify").c_str(), 1);
+    ::setenv("WATCHDOG_USEC", "1000000", 1);
     sched_param fifo{};
     fifo.sched_priority = 50;
     if (::sched_setscheduler(0, SCHED_FIFO, &fifo) != 0) std::fprintf(stderr, "no SCHED_FIFO: scans may be late\n");
@@ -163,6 +210,12 @@ class DaemonRig {
   std::unique_ptr<tools::UmockdevFront> front;
 
  private:
+  TemporaryFolder folder_;
+
+ public:
+  NotifySocket notify;
+
+ private:
   static constexpr std::int64_t kStands_ns = 4'000'000'000;
 
   static pid_t spawn(const std::vector<std::string>& words, const std::string& output) {
@@ -184,7 +237,6 @@ class DaemonRig {
     return WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
   }
 
-  TemporaryFolder folder_;
   std::shared_ptr<const tools::Motion> motion_;
   std::int64_t start_ns_ = 0;
   std::array<std::atomic<std::int64_t>, 2> last_sent_ns_{};

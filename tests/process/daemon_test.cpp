@@ -191,6 +191,12 @@ TEST(DaemonTest, MapsSavesSurvivesAPulledCableAndReplaysBitForBit) {
   ASSERT_EQ(rig.end(SIGTERM), 0);
   ASSERT_EQ(rig.runs().size(), 1U);
   EXPECT_NE(rig.messages().find("SIGHUP"), std::string::npos);
+  const std::vector<std::string> notified = rig.notify.heard();
+  EXPECT_EQ(notified.front(), "READY=1");
+  EXPECT_EQ(notified.back(), "STOPPING=1");
+  EXPECT_GT(std::count(notified.begin(), notified.end(), "WATCHDOG=1"), 10) << "twice a second";
+  EXPECT_TRUE(std::any_of(notified.begin(), notified.end(),
+                          [](const std::string& told) { return told.starts_with("STATUS=mapping: "); }));
   const std::filesystem::path run = rig.runs()[0];
   const std::size_t submaps = check_submaps(run);
   EXPECT_GE(submaps, 3U) << "the last one too";

@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cstdio>
 #include <memory>
+#include <random>
 #include <string>
 #include <thread>
 
@@ -88,8 +89,9 @@ int run_monitor(const ControlArguments& arguments) {
 int run_save_map(const ControlArguments& arguments) {
   Expected<ControlClient> client = ControlClient::connect(arguments.socket);
   if (!client) return report("save-map", client.error());
+  std::random_device random;  // a process id would come again one day, and be taken for this request
   const json request = {{"verb", "save-map"},
-                        {"id", fmt::format("submapctl-{}", ::getpid())},
+                        {"id", fmt::format("{:08x}{:08x}", random(), random())},
                         {"name", arguments.name},
                         {"wait", arguments.wait},
                         {"force", arguments.force}};
