@@ -98,7 +98,9 @@ void PublisherThread::seek_network() {
   if (good_.load(std::memory_order_relaxed) || monotonic_ns() < next_try_ns_) return;
   if (has_multicast_route(options_.url)) lcm_ = std::make_unique<lcm::LCM>(options_.url);
   if (lcm_ != nullptr && lcm_->good()) {
-    submaps_ = std::make_unique<SubmapPublisher>(*lcm_, SubmapPublisherOptions{options_.channels, {}});
+    SubmapPublisherOptions paced;
+    paced.channels = options_.channels;
+    submaps_ = std::make_unique<SubmapPublisher>(*lcm_, paced);
     good_.store(true);
     log(Severity::kInfo, "publishing on " + options_.url);
     return;
