@@ -29,17 +29,52 @@ struct Key {
   std::string text_default;
 };
 
-// A serial number or a port: what both may hold is all that is checked, the rest is the scanner's affair.
-Key text_key(std::string_view section, std::string_view name, std::string_view meaning, std::string* field) {
-  const auto set = [field](std::string_view value) {
-    constexpr std::size_t kLongest = 32;
-    const bool good = value.size() <= kLongest && std::all_of(value.begin(), value.end(), [](char c) {
-      return (c >= '0' && c <= '9') || (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z') || c == '-' || c == '.';
-    });
-    if (good) *field = value;
-    return good;
+constexpr auto kLetterOrDigit = [](char c) {
+  return (c >= '0' && c <= '9') || (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z');
+};
+
+// A text that is taken as it is if it fulfils `good`, which `words` describe.
+Key text_key(std::string_view section, std::string_view name, std::string_view meaning, std::string* field,
+             std::string words, bool (*good)(std::string_view)) {
+  const auto set = [field, good](std::string_view value) {
+    if (!good(value)) return false;
+    *field = value;
+    return true;
   };
-  return {section, name, "", meaning, 0, 0, set, "at most 32 letters, digits, points and dashes", ""};
+  return {section, name, "", meaning, 0, 0, set, std::move(words), *field};
+}
+
+// A serial number, a port or a group: what all may hold is all that is checked, the rest is others' affair.
+Key short_text_key(std::string_view section, std::string_view name, std::string_view meaning, std::string* field) {
+  return text_key(
+      section, name, meaning, field, "at most 32 letters, digits, points and dashes", [](std::string_view value) {
+        return value.size() <= 32 && std::all_of(value.begin(), value.end(),
+                                                 [](char c) { return kLetterOrDigit(c) || c == '-' || c == '.'; });
+      });
+}
+
+Key path_key(std::string_view section, std::string_view name, std::string_view meaning, std::string* field) {
+  // sockaddr_un holds 107 characters.
+  return text_key(section, name, meaning, field, "an absolute path of at most 100 printable characters",
+                  [](std::string_view value) {
+                    return value.starts_with('/') && value.size() <= 100 &&
+                           std::all_of(value.begin(), value.end(), [](char c) { return c > ' ' && c < '\x7f'; });
+                  });
+}
+
+Key prefix_key(std::string_view section, std::string_view name, std::string_view meaning, std::string* field) {
+  return text_key(section, name, meaning, field, "1 to 40 letters, digits and underscores", [](std::string_view value) {
+    return !value.empty() && value.size() <= 40 &&
+           std::all_of(value.begin(), value.end(), [](char c) { return kLetterOrDigit(c) || c == '_'; });
+  });
+}
+
+Key url_key(std::string_view section, std::string_view name, std::string_view meaning, std::string* field) {
+  return text_key(section, name, meaning, field, "udpm://GROUP:PORT?ttl=N, at most 100 printable characters",
+                  [](std::string_view value) {
+                    return value.starts_with("udpm://") && value.size() <= 100 &&
+                           std::all_of(value.begin(), value.end(), [](char c) { return c > ' ' && c < '\x7f'; });
+                  });
 }
 
 std::vector<Key> keys_of(Configuration& c) {
@@ -51,13 +86,27 @@ std::vector<Key> keys_of(Configuration& c) {
   };
   driver::RoleRule& horizontal = c.scanner.roles[0];
   driver::RoleRule& vertical = c.scanner.roles[1];
-  keys.push_back(text_key("scanner", "horizontal", "serial number of the scanner that maps", &horizontal.serial));
-  keys.push_back(text_key("scanner", "vertical", "serial number of the upright one, if there is one", &vertical.serial));
-  keys.push_back(text_key("scanner", "horizontal_port", "or the port it is plugged into", &horizontal.port));
-  keys.push_back(text_key("scanner", "vertical_port", "or the port of the upright one", &vertical.port));
+  keys.push_back(short_text_key("scanner", "horizontal", "serial number of the scanner that maps", &horizontal.serial));
+  keys.push_back(
+      short_text_key("scanner", "vertical", "serial number of the upright one, if there is one", &vertical.serial));
+  keys.push_back(short_text_key("scanner", "horizontal_port", "or the port it is plugged into", &horizontal.port));
+  keys.push_back(short_text_key("scanner", "vertical_port", "or the port of the upright one", &vertical.port));
   add("scanner", "intensity", "", 0, 0, &c.scanner.intensity, "ask for echo strengths, too much for some firmware");
   add("scanner", "stamp_to_first_beam", "us", -25'000, 25'000, &c.scanner.stamp_to_first_beam_us,
       "the first beam comes this long after the stamp");
+  keys.push_back(path_key("daemon", "state", "folder of the runs and of the cart's identity", &c.daemon.state));
+  keys.push_back(path_key("daemon", "control_socket", "where submapctl asks", &c.daemon.control_socket));
+  keys.push_back(short_text_key("daemon", "control_group", "who may ask; empty for the daemon's own group",
+                                &c.daemon.control_group));
+  add("daemon", "workers", "", 0, 3, &c.daemon.workers, "threads that help the mapper with many particles");
+  keys.push_back(url_key("lcm", "url", "multicast group", &c.lcm.url));
+  keys.push_back(prefix_key("lcm", "prefix", "of all channels", &c.lcm.prefix));
+  add("lcm", "scan_every", "", 0, 4000, &c.lcm.scan_every, "each so many-th scan is sent; 0 for none");
+  add("recorder", "raw", "", 0, 0, &c.recorder.raw, "write all scans of both scanners");
+  add("recorder", "raw_file", "bytes", 1 << 16, 1e12, &c.recorder.raw_file_bytes, "then the next raw file begins");
+  add("recorder", "disk_low", "bytes", 0, 1e13, &c.recorder.disk_low_bytes, "less room on the disk is told");
+  add("recorder", "disk_last", "bytes", 0, 1e13, &c.recorder.disk_last_bytes,
+      "with less, raw recording stops; sub-maps and maps go on");
   keys.push_back({"filter", "mode", "", "particle filter: adaptive, rbpf (fixed number) or fastslam (textbook)", 0, 0,
                   [&m](std::string_view value) {
                     if (value == "adaptive")
@@ -90,6 +139,9 @@ std::vector<Key> keys_of(Configuration& c) {
   add("budget", "surface_faces", "", 1000, 65535, &m.map.max_faces, "surface statistics of one active sub-map");
   add("budget", "distance_planes", "4 kB", 500, 65535, &m.distance_planes,
       "distance field blocks, all particles together");
+  add("budget", "mapper_ring", "scans", 8, 4000, &c.daemon.mapper_ring, "scans that may wait for the mapper");
+  add("budget", "recorder_ring", "scans", 8, 8000, &c.daemon.recorder_ring,
+      "scans of each scanner that may wait for the recorder");
   add("budget", "submap_cache", "bytes", 1 << 20, 1e10, &c.submap_cache_bytes, "finished sub-maps kept in memory");
   add("budget", "graph", "bytes", 1 << 16, 1e10, &c.graph_bytes, "pose graph, landmarks and loops");
   add("budget", "map_raster", "bytes", 1 << 20, 1e10, &c.map_raster_bytes, "the whole map while it is saved");

@@ -16,13 +16,38 @@
 namespace submapd {
 
 struct ScannerConfiguration {
-  driver::RoleRules roles;               // nobody has a role until it is configured
-  bool intensity = false;                // ask for echo strengths too, which some firmware does not stand
-  double stamp_to_first_beam_us = 0.0;   // the first beam comes that long after the instant of the stamp
+  driver::RoleRules roles;              // nobody has a role until it is configured
+  bool intensity = false;               // ask for echo strengths too, which some firmware does not stand
+  double stamp_to_first_beam_us = 0.0;  // the first beam comes that long after the instant of the stamp
+};
+
+struct DaemonConfiguration {
+  std::string state = "/var/lib/submapd";  // folder of the runs and of the cart's identity
+  std::string control_socket = "/run/submapd/control";
+  std::string control_group;  // who may use the socket besides the daemon's user; empty: the daemon's own group
+  int workers = 1;            // threads that help the mapper while it has several particles
+  int mapper_ring = 160;      // scans that may wait for the mapper
+  int recorder_ring = 400;    // scans of each scanner that may wait for the recorder
+};
+
+struct LcmConfiguration {
+  std::string url = "udpm://239.255.76.67:7667?ttl=0";
+  std::string prefix = "CART";  // of all channels
+  int scan_every = 4;           // each so many-th scan goes out; 0: none
+};
+
+struct RecorderConfiguration {
+  bool raw = true;                                      // write all scans of both scanners
+  std::size_t raw_file_bytes = std::size_t{256} << 20;  // then the next file begins
+  std::size_t disk_low_bytes = std::size_t{4} << 30;    // less room than this is told
+  std::size_t disk_last_bytes = std::size_t{1} << 30;   // and here raw recording stops; sub-maps and maps go on
 };
 
 struct Configuration {
   ScannerConfiguration scanner;
+  DaemonConfiguration daemon;
+  LcmConfiguration lcm;
+  RecorderConfiguration recorder;
   MapperOptions mapper;
   std::size_t submap_cache_bytes = std::size_t{16} << 20;
   std::size_t graph_bytes = std::size_t{16} << 20;

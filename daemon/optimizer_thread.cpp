@@ -109,6 +109,24 @@ Expected<FinalResult> OptimizerThread::finish() {
     finish_wanted_ = true;
     final_result_.reset();
   }
+  return wait_for_result();
+}
+
+Expected<FinalResult> OptimizerThread::finish_with(std::shared_ptr<const FinishedSubmap> open) {
+  const std::uint32_t index = open->id.index;
+  if (index > 0) {
+    if (Status status = wait_until_processed(index - 1); !status.ok()) return failure(status);
+  }
+  {
+    const MutexLock lock(mutex_);
+    open_ = std::move(open);
+    finish_wanted_ = true;
+    final_result_.reset();
+  }
+  return wait_for_result();
+}
+
+Expected<FinalResult> OptimizerThread::wait_for_result() {
   wake_up_->set();
   const MutexLock lock(mutex_);
   while (!final_result_ && !ended_) changed_.wait(mutex_);
@@ -123,6 +141,17 @@ Expected<FinalResult> OptimizerThread::finish() {
 GraphState OptimizerThread::latest() const {
   const MutexLock lock(mutex_);
   return latest_;
+}
+
+std::uint32_t OptimizerThread::version() const {
+  const MutexLock lock(mutex_);
+  return latest_.version;
+}
+
+std::optional<SubmapPose> OptimizerThread::newest() const {
+  const MutexLock lock(mutex_);
+  if (latest_.submaps.empty()) return std::nullopt;
+  return latest_.submaps.back();
 }
 
 OptimizerThreadCounters OptimizerThread::counters() const {
@@ -285,7 +314,12 @@ void OptimizerThread::on_chunk(const lcm::ReceiveBuffer* buffer, const std::stri
 }
 
 void OptimizerThread::answer_finish() {
-  Expected<FinalResult> result = back_end_.finish();
+  std::shared_ptr<const FinishedSubmap> open;
+  {
+    const MutexLock lock(mutex_);
+    open = std::exchange(open_, nullptr);
+  }
+  Expected<FinalResult> result = open ? back_end_.finish_with(open) : back_end_.finish();
   const MutexLock lock(mutex_);
   finish_wanted_ = false;
   back_end_counters_ = back_end_.counters();

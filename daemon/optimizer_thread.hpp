@@ -79,7 +79,14 @@ class OptimizerThread {
   // Processes what has been announced, then runs BackEnd::finish() in the thread.
   [[nodiscard]] Expected<FinalResult> finish();
 
+  // The map as it would be if `open`, a sub-map that still grows, were the last: BackEnd::finish_with() in the thread,
+  // once all before it are taken. REQUIRES: those are in the archive. One caller at a time.
+  [[nodiscard]] Expected<FinalResult> finish_with(std::shared_ptr<const FinishedSubmap> open);
+
   [[nodiscard]] GraphState latest() const;
+  [[nodiscard]] std::uint32_t version() const;  // of latest()
+  // Where the newest sub-map of the graph lies: latest() without the copy.
+  [[nodiscard]] std::optional<SubmapPose> newest() const;
   [[nodiscard]] OptimizerThreadCounters counters() const;
   [[nodiscard]] OptimizerCounters back_end_counters() const;  // as after the last sub-map
   [[nodiscard]] Status status() const;                        // not ok: the thread has ended with this error
@@ -97,6 +104,7 @@ class OptimizerThread {
   void publish_graph(const GraphState& state, const FinishedSubmap& newest);
   static void on_chunk(const lcm::ReceiveBuffer* buffer, const std::string& channel, OptimizerThread* self);
   void answer_finish();
+  [[nodiscard]] Expected<FinalResult> wait_for_result();
 
   const OptimizerThreadOptions options_;
   lcm::LCM& lcm_;
@@ -116,6 +124,7 @@ class OptimizerThread {
   std::uint32_t processed_ GUARDED_BY(mutex_) = 0;  // sub-maps the back end has taken
   bool ended_ GUARDED_BY(mutex_) = false;
   bool finish_wanted_ GUARDED_BY(mutex_) = false;
+  std::shared_ptr<const FinishedSubmap> open_ GUARDED_BY(mutex_);  // finish_wanted_ with this on top
   std::optional<Expected<FinalResult>> final_result_ GUARDED_BY(mutex_);
   Status status_ GUARDED_BY(mutex_);
   GraphState latest_ GUARDED_BY(mutex_);

@@ -51,11 +51,7 @@ Status AtomicFile::commit() {
   if (::close(std::exchange(fd_, -1)) != 0) return fail("cannot close");
   if (::rename(temporary_.c_str(), path_.c_str()) != 0) return fail("cannot rename the temporary file");
   temporary_.clear();
-  const std::filesystem::path folder = path_.has_parent_path() ? path_.parent_path() : std::filesystem::path(".");
-  const int folder_fd = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (folder_fd < 0) return fail("cannot open the folder to sync it");
-  if (::fsync(folder_fd) != 0) (void)fail("cannot sync the folder");
-  ::close(folder_fd);
+  status_ = sync_folder(path_.has_parent_path() ? path_.parent_path() : std::filesystem::path("."));
   return status_;
 }
 
@@ -71,6 +67,16 @@ void AtomicFile::remove_temporary() {
   if (fd_ >= 0) ::close(std::exchange(fd_, -1));
   if (!temporary_.empty()) ::unlink(temporary_.c_str());
   temporary_.clear();
+}
+
+Status sync_folder(const std::filesystem::path& folder) {
+  const int fd = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  const bool synced = fd >= 0 && ::fsync(fd) == 0;
+  const int error = errno;
+  if (fd >= 0) ::close(fd);
+  if (synced) return {};
+  return {StatusCode::kIo,
+          fmt::format("{}: cannot sync the folder: {}", folder.string(), std::generic_category().message(error))};
 }
 
 Status atomic_write_file(const std::filesystem::path& path, std::span<const std::byte> bytes) {

@@ -39,6 +39,9 @@ class AtomicFile {
   Status status_;  // the first error
 };
 
+// Puts the names in the folder on the disk.
+[[nodiscard]] Status sync_folder(const std::filesystem::path& folder);
+
 // The whole of `bytes` as the file `path`, with AtomicFile.
 [[nodiscard]] Status atomic_write_file(const std::filesystem::path& path, std::span<const std::byte> bytes);
 

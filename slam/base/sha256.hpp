@@ -4,7 +4,9 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <filesystem>
 #include <span>
+#include <string>
 
 #include "slam/base/status.hpp"
 
@@ -14,5 +16,11 @@ using Sha256 = std::array<std::uint8_t, 32>;
 
 // Error: kInternal, when the library cannot (no memory, or its policy forbids the algorithm).
 [[nodiscard]] Expected<Sha256> sha256_of(std::span<const std::byte> bytes);
+
+// Of a file's bytes, read in pieces. Errors: kIo, kInternal.
+[[nodiscard]] Expected<Sha256> sha256_of_file(const std::filesystem::path& path);
+
+// 64 lower-case digits.
+[[nodiscard]] std::string hex_of(const Sha256& hash);
 
 }  // namespace submapd

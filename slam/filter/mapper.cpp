@@ -510,6 +510,17 @@ void Mapper::finish_run() {
   m.window.close(FinishReason::kEndOfRun);
 }
 
+std::optional<FinishedSubmap> Mapper::snapshot_open() const {
+  const Impl& m = *impl_;
+  if (!m.window.is_open()) return std::nullopt;
+  FinishedSubmap open = m.window.front().freeze(m.cart, m.run, FinishReason::kEndOfRun);
+  m.set.for_each_pending([&open](const Pose2& pose, const KeyframeScan& kept) {
+    open.keyframes.push_back({kept.scan.index, kept.scan.stamp_us, pose, kept.twist, kept.step_covariance,
+                              kept.degenerate, kept.scan.geometry, kept.scan.ranges_mm});
+  });
+  return open;
+}
+
 bool Mapper::has_finished() const {
   return impl_->window.has_finished();
 }

@@ -1,9 +1,10 @@
 // The front end: scans in, poses and finished sub-maps out (paper 2.1.1; design notes 3, 5-7).
 //
-// One mapper per run, called from one thread; process() is the real-time path. Two sub-maps are active at a time and
-// share every key-frame: the scan is matched against the older (the front), and when that is full the younger takes its
-// place, having half of its length mapped already. Poses inside are in the front sub-map's frame; the "odom" frame
-// strings the sub-maps together and is continuous but for breaks.
+// One mapper per run, called from one thread; process() is the real-time path and does not allocate. has_finished() and
+// take_finished() may be called by one other thread meanwhile, which then pays for the copy. Two sub-maps are active at
+// a time and share every key-frame: the scan is matched against the older (the front), and when that is full the
+// younger takes its place, having half of its length mapped already. Poses inside are in the front sub-map's frame; the
+// "odom" frame strings the sub-maps together and is continuous but for breaks.
 //
 // Three filters (paper eq. (1)-(2), design notes 6): kAdaptive keeps one particle while the pose is well observed and
 // spreads where it is not; kRbpf keeps a fixed number with the improved proposal; kFastSlam is grid-based FastSLAM as
@@ -111,7 +112,12 @@ class Mapper {
   // Closes the open sub-map. Call once, after the last scan and after take_finished() was emptied.
   void finish_run();
 
-  // The sub-map that process() or finish_run() just closed, if any; take it before the next can close. Allocates.
+  // The open sub-map as finish_run() would close it now; it stays open. Key-frames that particles still differ about
+  // are the best one's and not in the cells yet. Nothing before the first scan. Between two scans; allocates.
+  [[nodiscard]] std::optional<FinishedSubmap> snapshot_open() const;
+
+  // The sub-map that process() or finish_run() just closed, if any. While it is not taken no other can close, which is
+  // the only way in which the time of taking changes what is mapped. Allocates.
   [[nodiscard]] bool has_finished() const;
   [[nodiscard]] std::optional<FinishedSubmap> take_finished();
 

@@ -128,6 +128,17 @@ void ParticleSet::bake_agreed() {
   recycle_slots();
 }
 
+void ParticleSet::for_each_pending(const Baker& visit) const {
+  std::vector<int> lineage;
+  for (int node = best().node; node >= 0 && tree_.node(node).scan_slot >= 0; node = tree_.node(node).parent) {
+    lineage.push_back(node);
+  }
+  for (auto node = lineage.rbegin(); node != lineage.rend(); ++node) {
+    const AncestryTree::Node& n = tree_.node(*node);
+    visit(n.pose, scans_[static_cast<std::size_t>(n.scan_slot)]);
+  }
+}
+
 int ParticleSet::oldest_of(const Particle& p) const {
   int node = p.node;
   while (tree_.node(node).parent != tree_.root() && node != tree_.root()) node = tree_.node(node).parent;

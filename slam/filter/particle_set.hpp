@@ -81,6 +81,8 @@ class ParticleSet {
   // pose <- compose(change, pose) for all poses. REQUIRES: size() == 1 and everything baked.
   void change_frame(const Pose2& change);
 
+  // Calls visit(pose, scan) for the best particle's key-frames that are not in the base map yet, oldest first.
+  void for_each_pending(const Baker& visit) const;
   // Key-frames that lineages still differ about.
   [[nodiscard]] int pending_keyframes() const { return static_cast<int>(scans_.size() - free_scans_.size()); }
   [[nodiscard]] std::uint64_t forced_coalescences() const { return forced_; }

@@ -51,12 +51,39 @@ Status check(const FinishedSubmap* submap, std::size_t expected_index) {
   return {};
 }
 
+// The archive and one sub-map that is not in it yet.
+class WithOpenSubmap final : public SubmapSource {
+ public:
+  WithOpenSubmap(SubmapSource& archive, std::shared_ptr<const FinishedSubmap> open)
+      : archive_(archive), open_(std::move(open)) {}
+  Expected<std::shared_ptr<const FinishedSubmap>> load(std::uint32_t index) override {
+    if (index == open_->id.index) return open_;
+    return archive_.load(index);
+  }
+  void release() override { archive_.release(); }
+
+ private:
+  SubmapSource& archive_;
+  const std::shared_ptr<const FinishedSubmap> open_;
+};
+
 }  // namespace
 
 struct Optimizer::Impl {
   Impl(const OptimizerOptions& options_in, SubmapSource& source, PairTools tools_in)
-      : options(options_in), tools(std::move(tools_in)), search(tools, source) {}
+      : options(options_in), tools(std::move(tools_in)), archive(source), search(tools, source) {}
+  // A copy that goes on by itself, with another source.
+  Impl(const Impl& other, SubmapSource& source)
+      : options(other.options),
+        tools(other.tools),
+        archive(source),
+        search(other.search, tools, source),
+        model(other.model),
+        counters(other.counters),
+        version(other.version),
+        rejected_pending(other.rejected_pending) {}
 
+  Expected<FinalResult> finish();
   Status take(const FinishedSubmap& submap);
   void seek_live();
   void seek_all();
@@ -68,6 +95,7 @@ struct Optimizer::Impl {
 
   OptimizerOptions options;
   PairTools tools;
+  SubmapSource& archive;
   graph::LoopSearch search;
   GraphModel model;
   OptimizerCounters counters;
@@ -212,23 +240,22 @@ Expected<GraphState> Optimizer::add_submap(const std::shared_ptr<const FinishedS
   return state;
 }
 
-Expected<FinalResult> Optimizer::finish() {
-  GraphModel& model = impl_->model;
+Expected<FinalResult> Optimizer::Impl::finish() {
   if (model.submaps.empty())
     return failure(StatusCode::kNotFound, "optimizer: no sub-map yet; there is nothing to solve");
-  if (impl_->options.loops) {
-    impl_->seek_all();
-    if (Status status = impl_->settle(true); !status.ok()) return failure(status);
-    impl_->rejected_pending += static_cast<std::uint64_t>(graph::reject_contradicted(model));
-    impl_->count();
+  if (options.loops) {
+    seek_all();
+    if (Status status = settle(true); !status.ok()) return failure(status);
+    rejected_pending += static_cast<std::uint64_t>(graph::reject_contradicted(model));
+    count();
   }
-  impl_->search.release();  // the solver needs the room
+  search.release();  // the solver needs the room
   graph::TrackGraph track = graph::build_track_graph(model);
   const auto start = std::chrono::steady_clock::now();
   const auto summary = graph::solve_track_graph(track);
   const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - start;
-  ++impl_->counters.solves;
-  impl_->counters.solve_ms_max = std::max(impl_->counters.solve_ms_max, took.count());
+  ++counters.solves;
+  counters.solve_ms_max = std::max(counters.solve_ms_max, took.count());
   if (!summary) return failure(summary.error());
 
   FinalResult result;
@@ -236,18 +263,30 @@ Expected<FinalResult> Optimizer::finish() {
   for (std::uint32_t k = 0; k < model.submaps.size(); ++k) {
     result.submaps.push_back({k, track.track[track.first_of_submap[k]].map_from_base});
   }
-  result.loops = impl_->loops();
-  const OptimizerCounters& counted = impl_->counters;
+  result.loops = loops();
+  const OptimizerCounters& counted = counters;
   result.report = fmt::format(
       "{} sub-maps, {} track points, {} landmarks, {} rows\n"
       "loops: {} matched, {} confirmed, {} pending, {} refused; {} refused for memory, {} loads failed\n"
       "final solve: cost {:.6g} -> {:.6g} in {} iterations\n",
       counted.submaps, track.track.size(), track.landmarks.size(), track.chain.size() + track.sights.size(),
       counted.loop_candidates, counted.loops_confirmed, counted.loops_pending, counted.loops_rejected,
-      counted.refused_for_memory, impl_->search.load_failures(), summary->initial_cost, summary->final_cost,
+      counted.refused_for_memory, search.load_failures(), summary->initial_cost, summary->final_cost,
       summary->iterations);
   result.keyframes = std::move(track.track);
   return result;
+}
+
+Expected<FinalResult> Optimizer::finish() {
+  return impl_->finish();
+}
+
+Expected<FinalResult> Optimizer::finish_with(const std::shared_ptr<const FinishedSubmap>& open) {
+  if (Status status = check(open.get(), impl_->model.submaps.size()); !status.ok()) return failure(status);
+  WithOpenSubmap source(impl_->archive, open);
+  Impl copy(*impl_, source);
+  if (Status status = copy.take(*open); !status.ok()) return failure(status);
+  return copy.finish();
 }
 
 OptimizerCounters Optimizer::counters() const {

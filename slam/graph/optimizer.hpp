@@ -121,6 +121,10 @@ class BackEnd {
   // Remaining loop search over all overlapping pairs, then equation (5) to convergence.
   virtual Expected<FinalResult> finish() = 0;
 
+  // What finish() would give if `open`, a sub-map that is still growing, were the last one. Works on a copy: the graph
+  // that lives on does not change.
+  virtual Expected<FinalResult> finish_with(const std::shared_ptr<const FinishedSubmap>& open) = 0;
+
   [[nodiscard]] virtual OptimizerCounters counters() const = 0;
 };
 
@@ -136,6 +140,7 @@ class Optimizer : public BackEnd {
 
   Expected<GraphState> add_submap(const std::shared_ptr<const FinishedSubmap>& submap) override;
   Expected<FinalResult> finish() override;
+  Expected<FinalResult> finish_with(const std::shared_ptr<const FinishedSubmap>& open) override;
   [[nodiscard]] OptimizerCounters counters() const override;
 
  private:

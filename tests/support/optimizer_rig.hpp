@@ -44,6 +44,11 @@ class RecordingBackEnd : public BackEnd {
     result.submaps = state_.submaps;
     return result;
   }
+  Expected<FinalResult> finish_with(const std::shared_ptr<const FinishedSubmap>& open) override {
+    Expected<FinalResult> result = finish();
+    if (result) result->submaps.push_back({open->id.index, open->odom_from_submap});
+    return result;
+  }
   [[nodiscard]] OptimizerCounters counters() const override {
     const MutexLock lock(mutex_);
     OptimizerCounters counters;

@@ -5,8 +5,8 @@
 
 #include <nlohmann/json.hpp>
 
+#include "daemon/version.hpp"
 #include "slam/base/atomic_file.hpp"
-#include "tools/version.hpp"
 
 namespace submapd::tools {
 namespace {

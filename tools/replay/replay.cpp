@@ -12,13 +12,14 @@
 #include "daemon/submap_journal.hpp"
 #include "daemon/submap_publisher.hpp"
 #include "daemon/thread_pool.hpp"
+#include "daemon/version.hpp"
 #include "proto/scan_conversion.hpp"
+#include "slam/output/pose_spool.hpp"
+#include "slam/output/run_outputs.hpp"
 #include "slam/output/trajectory_file.hpp"
 #include "slam/submap/submap_archive.hpp"
 #include "tools/log/log_reader.hpp"
 #include "tools/replay/metrics.hpp"
-#include "tools/replay/pose_spool.hpp"
-#include "tools/replay/run_outputs.hpp"
 
 namespace submapd::tools {
 namespace {
@@ -29,24 +30,37 @@ double seconds_since(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
-Expected<std::unique_ptr<LogReader>> open_scans(const std::string& log) {
-  const std::string channel = Channels().scan_h;
-  return open_log(log,
-                  [channel](std::string_view name, std::span<const std::byte> data) -> Expected<std::optional<Scan>> {
-                    if (name != channel) return std::optional<Scan>{};
-                    Expected<ScanMessage> message = decode_scan(data);
-                    if (!message) return tl::unexpected(message.error());
-                    return std::optional<Scan>(std::move(message->scan));
-                  });
+// A log's scans, and whose they are: what the first one says, nothing if the log does not tell.
+struct Recording {
+  std::unique_ptr<LogReader> reader;
+  std::optional<ScanOrigin> origin;
+};
+
+Expected<Recording> open_recording(const std::string& log, const std::string& prefix) {
+  // Filled while the reader looks for the first scan.
+  const auto origin = std::make_shared<std::optional<ScanOrigin>>();
+  const auto decoder = [channel = Channels(prefix).scan_h, origin](
+                           std::string_view name, std::span<const std::byte> data) -> Expected<std::optional<Scan>> {
+    if (name != channel) return std::optional<Scan>{};
+    Expected<ScanMessage> message = decode_scan(data);
+    if (!message) return tl::unexpected(message.error());
+    if (!*origin && message->origin.run != Uuid{}) *origin = message->origin;
+    return std::optional<Scan>(std::move(message->scan));
+  };
+  Expected<std::unique_ptr<LogReader>> reader = open_log(log, decoder);
+  if (!reader) return failure(reader.error());
+  return Recording{std::move(*reader), *origin};
 }
 
 // Everything between a scan and the optimised graph.
 class Pipeline {
  public:
-  Pipeline(const ReplayOptions& options, std::unique_ptr<SubmapArchive> archive, std::unique_ptr<PoseSpool> spool)
+  // A recorded run's sub-maps keep their identity, so that replay gives the very files that the daemon wrote.
+  Pipeline(const ReplayOptions& options, const std::optional<ScanOrigin>& origin,
+           std::unique_ptr<SubmapArchive> archive, std::unique_ptr<PoseSpool> spool)
       : options_(options),
-        cart_(Uuid::from_seed(options.configuration.mapper.seed, 1)),
-        run_(Uuid::from_seed(options.configuration.mapper.seed, 2)),
+        cart_(origin ? origin->cart : Uuid::from_seed(options.configuration.mapper.seed, 1)),
+        run_(origin ? origin->run : Uuid::from_seed(options.configuration.mapper.seed, 2)),
         archive_(std::move(archive)),
         spool_(std::move(spool)),
         pool_(options.threads),
@@ -178,8 +192,9 @@ Status prepare_folder(const std::filesystem::path& out) {
 Expected<ReplayResult> replay(const ReplayOptions& options,
                               const std::function<void(const ReplayProgress&)>& progress) {
   const Clock::time_point start = Clock::now();
-  Expected<std::unique_ptr<LogReader>> reader = open_scans(options.log);
-  if (!reader) return failure(reader.error());
+  Expected<Recording> recording = open_recording(options.log, options.configuration.lcm.prefix);
+  if (!recording) return failure(recording.error());
+  const std::unique_ptr<LogReader>& reader = recording->reader;
   if (Status status = prepare_folder(options.out); !status.ok()) return failure(status);
   Expected<std::unique_ptr<SubmapArchive>> archive =
       SubmapArchive::open(options.out / "submaps", options.configuration.submap_cache_bytes);
@@ -187,16 +202,16 @@ Expected<ReplayResult> replay(const ReplayOptions& options,
   Expected<std::unique_ptr<PoseSpool>> spool = PoseSpool::create(options.out);
   if (!spool) return failure(spool.error());
 
-  Pipeline pipeline(options, std::move(*archive), std::move(*spool));
+  Pipeline pipeline(options, recording->origin, std::move(*archive), std::move(*spool));
   TrajectoryFile filter_trajectory(options.out / "trajectory_filter.tum");
   ReplayProgress shown;
   for (;;) {
-    const Expected<std::optional<Scan>> scan = (*reader)->next();
+    const Expected<std::optional<Scan>> scan = reader->next();
     if (!scan) return failure(scan.error());
     if (!scan->has_value()) break;
     if (Status status = pipeline.process(**scan, filter_trajectory); !status.ok()) return failure(status);
     if (++shown.scans % 50 == 0) {
-      shown.share = (*reader)->progress();
+      shown.share = reader->progress();
       shown.submaps = pipeline.submaps();
       shown.loops = pipeline.confirmed_loops();
       progress(shown);
@@ -212,16 +227,22 @@ Expected<ReplayResult> replay(const ReplayOptions& options,
   progress(shown);
 
   ReplayMetrics& metrics = pipeline.metrics();
-  metrics.log = (*reader)->summary();
+  metrics.log = reader->summary();
   metrics.seed = options.configuration.mapper.seed;
-  RunOutputs outputs{options.out,
-                     std::filesystem::path(options.log).filename().string(),
-                     options.configuration,
-                     *result,
-                     pipeline.archive(),
-                     pipeline.spool(),
-                     metrics};
-  if (Status status = write_run_outputs(outputs); !status.ok()) return failure(status);
+  const RunOutputs outputs{.folder = options.out,
+                           .name = std::filesystem::path(options.log).filename().string(),
+                           .subtitle = fmt::format("submapd {}, seed {}", kVersion, metrics.seed),
+                           .mapper = options.configuration.mapper,
+                           .raster_bytes = options.configuration.map_raster_bytes,
+                           .result = *result,
+                           .submaps = pipeline.archive(),
+                           .poses = pipeline.spool(),
+                           .scans = pipeline.spool().size(),
+                           .marks = {}};
+  const Expected<RunOutputsSummary> written = write_run_outputs(outputs);
+  if (!written) return failure(written.error());
+  metrics.path_m = written->path_m;
+  metrics.bytes.push_back(written->raster);
   metrics.wall_s = seconds_since(start);
   metrics.cpu_s = process_cpu_s();
   metrics.peak_rss_mb = peak_rss_mb();

@@ -8,6 +8,7 @@ namespace submapd::tools {
 
 using CommandRun = std::function<int()>;  // returns the exit code: 0 done, 1 failed, 2 bad input, 75 try again later
 
+void register_control(CLI::App& app, CommandRun& run);  // what is asked of a running daemon
 void register_replay(CLI::App& app, CommandRun& run);
 void register_scip_decode(CLI::App& app, CommandRun& run);
 void register_sensors(CLI::App& app, CommandRun& run);

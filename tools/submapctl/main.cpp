@@ -11,6 +11,7 @@ int main(int argc, char** argv) {
     CLI::App app("Control submapd, replay its logs, simulate worlds for it", "submapctl");
     app.require_subcommand(1);
     submapd::tools::CommandRun run;
+    submapd::tools::register_control(app, run);
     submapd::tools::register_replay(app, run);
     submapd::tools::register_scip_decode(app, run);
     submapd::tools::register_sensors(app, run);

@@ -38,10 +38,11 @@ void SubmapWindow::insert(const Pose2& pose, const KeyframeScan& scan) {
 // The front is finished; the free sub-map stands in its place.
 void SubmapWindow::retire_front(FinishReason reason) {
   finish_reason_ = reason;
-  finished_ = front_;
+  ActiveSubmap* const full = front_;
   front_ = spare_;
-  spare_ = finished_;
+  spare_ = full;
   back_open_ = false;
+  finished_.store(full);
 }
 
 Pose2 SubmapWindow::hand_over(FinishReason reason) {
@@ -58,9 +59,11 @@ void SubmapWindow::close(FinishReason reason) {
 }
 
 std::optional<FinishedSubmap> SubmapWindow::take_finished(const Uuid& cart, const Uuid& run) {
-  const ActiveSubmap* taken = std::exchange(finished_, nullptr);
+  const ActiveSubmap* const taken = finished_.load();
   if (taken == nullptr) return std::nullopt;
-  return taken->freeze(cart, run, finish_reason_);
+  FinishedSubmap copy = taken->freeze(cart, run, finish_reason_);
+  finished_.store(nullptr);  // only now may the mapper use it again
+  return copy;
 }
 
 std::uint64_t SubmapWindow::pool_refusals() const {

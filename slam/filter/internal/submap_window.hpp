@@ -1,10 +1,12 @@
 // The sub-maps of the moment (design notes 7): the front that scans are matched against, the younger one that shares
 // its second half and will take over, and a third that is free, or finished and not yet taken.
 //
-// Owned and called by the mapper. No allocation after construction but in take_finished().
+// Owned and called by the mapper, but for has_finished() and take_finished(), which one other thread may call: a
+// finished sub-map is that thread's until it is taken. No allocation after construction but in take_finished().
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -23,8 +25,8 @@ class SubmapWindow {
   [[nodiscard]] const ActiveSubmap& front() const { return *front_; }
   // The younger sub-map holds at least this many key-frames.
   [[nodiscard]] bool younger_has(int keyframes) const { return back_open_ && back_->keyframes() >= keyframes; }
-  [[nodiscard]] bool may_hand_over() const { return back_open_ && finished_ == nullptr; }
-  [[nodiscard]] bool may_close() const { return finished_ == nullptr; }
+  [[nodiscard]] bool may_hand_over() const { return back_open_ && !has_finished(); }
+  [[nodiscard]] bool may_close() const { return !has_finished(); }
 
   void open_front(const Pose2& odom_from_submap, bool linked);
 
@@ -40,7 +42,7 @@ class SubmapWindow {
   // The front is finished and so is its track: what the younger holds, the front holds too. REQUIRES: may_close().
   void close(FinishReason reason);
 
-  [[nodiscard]] bool has_finished() const { return finished_ != nullptr; }
+  [[nodiscard]] bool has_finished() const { return finished_.load() != nullptr; }
   [[nodiscard]] std::optional<FinishedSubmap> take_finished(const Uuid& cart, const Uuid& run);
 
   [[nodiscard]] std::uint64_t pool_refusals() const;
@@ -55,8 +57,8 @@ class SubmapWindow {
   ActiveSubmap* front_;
   ActiveSubmap* back_;
   ActiveSubmap* spare_;
-  ActiveSubmap* finished_ = nullptr;
-  FinishReason finish_reason_ = FinishReason::kPath;
+  std::atomic<const ActiveSubmap*> finished_{nullptr};  // set by the mapper, cleared by who takes it
+  FinishReason finish_reason_ = FinishReason::kPath;    // of finished_
   bool front_open_ = false;
   bool back_open_ = false;
   std::uint32_t next_index_ = 0;

@@ -36,6 +36,15 @@ bool usable(const GraphModel& model, const VirtualLandmark& landmark, std::uint3
 
 }  // namespace
 
+LoopSearch::LoopSearch(const LoopSearch& other, const PairTools& tools, SubmapSource& source)
+    : tools_(tools),
+      source_(source),
+      tried_(other.tried_),
+      runs_(other.runs_),
+      refused_(other.refused_),
+      refused_for_memory_(other.refused_for_memory_),
+      load_failures_(other.load_failures_) {}
+
 std::vector<LoopCandidate> LoopSearch::untried(const GraphModel& model, const RelativeUncertainty& uncertainty,
                                                std::uint32_t b, std::uint32_t min_gap) const {
   std::vector<LoopCandidate> candidates = rank_candidates(model, tools_, uncertainty, b, min_gap);

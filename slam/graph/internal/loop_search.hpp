@@ -18,6 +18,8 @@ class LoopSearch {
  public:
   // Both must outlive the search.
   LoopSearch(const PairTools& tools, SubmapSource& source) : tools_(tools), source_(source) {}
+  // Knows what `other` knows and works with other tools and another source.
+  LoopSearch(const LoopSearch& other, const PairTools& tools, SubmapSource& source);
 
   // The pairs of b worth a run now: informative ones not tried yet, or tried in a window the prior has left since.
   [[nodiscard]] std::vector<LoopCandidate> untried(const GraphModel& model, const RelativeUncertainty& uncertainty,

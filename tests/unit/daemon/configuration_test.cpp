@@ -126,7 +126,20 @@ TEST(ConfigurationTest, TheDescriptionParsesBackToTheDefaults) {
   EXPECT_EQ(parsed->scanner.roles[1].port, "");
   EXPECT_EQ(parsed->scanner.intensity, defaults.scanner.intensity);
   EXPECT_EQ(parsed->scanner.stamp_to_first_beam_us, defaults.scanner.stamp_to_first_beam_us);
-  EXPECT_EQ(described_keys().size(), 29U) << "compare the new key's field above";
+  EXPECT_EQ(parsed->daemon.state, defaults.daemon.state);
+  EXPECT_EQ(parsed->daemon.control_socket, defaults.daemon.control_socket);
+  EXPECT_EQ(parsed->daemon.control_group, defaults.daemon.control_group);
+  EXPECT_EQ(parsed->daemon.workers, defaults.daemon.workers);
+  EXPECT_EQ(parsed->daemon.mapper_ring, defaults.daemon.mapper_ring);
+  EXPECT_EQ(parsed->daemon.recorder_ring, defaults.daemon.recorder_ring);
+  EXPECT_EQ(parsed->lcm.url, defaults.lcm.url);
+  EXPECT_EQ(parsed->lcm.prefix, defaults.lcm.prefix);
+  EXPECT_EQ(parsed->lcm.scan_every, defaults.lcm.scan_every);
+  EXPECT_EQ(parsed->recorder.raw, defaults.recorder.raw);
+  EXPECT_EQ(parsed->recorder.raw_file_bytes, defaults.recorder.raw_file_bytes);
+  EXPECT_EQ(parsed->recorder.disk_low_bytes, defaults.recorder.disk_low_bytes);
+  EXPECT_EQ(parsed->recorder.disk_last_bytes, defaults.recorder.disk_last_bytes);
+  EXPECT_EQ(described_keys().size(), 42U) << "compare the new key's field above";
 }
 
 TEST(ConfigurationTest, EveryKeySetsItsField) {
@@ -138,6 +151,20 @@ horizontal_port = "1-1.2"
 vertical_port = "1-2"
 intensity = true
 stamp_to_first_beam = 3125.0
+[daemon]
+state = "/srv/cart"
+control_socket = "/srv/socket"
+control_group = "cart-operators"
+workers = 3
+[lcm]
+url = "udpm://239.255.76.68:7668?ttl=1"
+prefix = "CART_7"
+scan_every = 5
+[recorder]
+raw = false
+raw_file = 31000000
+disk_low = 32000000
+disk_last = 33000000
 [filter]
 mode = "fastslam"
 particles = 11
@@ -161,6 +188,8 @@ error_code_is_free = true
 map_blocks = 230
 surface_faces = 2400
 distance_planes = 2500
+mapper_ring = 34
+recorder_ring = 35
 submap_cache = 26000000
 graph = 2700000
 map_raster = 28000000
@@ -176,6 +205,19 @@ line_matching = false
   EXPECT_EQ(parsed->scanner.roles[1].port, "1-2");
   EXPECT_TRUE(parsed->scanner.intensity);
   EXPECT_EQ(parsed->scanner.stamp_to_first_beam_us, 3125.0);
+  EXPECT_EQ(parsed->daemon.state, "/srv/cart");
+  EXPECT_EQ(parsed->daemon.control_socket, "/srv/socket");
+  EXPECT_EQ(parsed->daemon.control_group, "cart-operators");
+  EXPECT_EQ(parsed->daemon.workers, 3);
+  EXPECT_EQ(parsed->daemon.mapper_ring, 34);
+  EXPECT_EQ(parsed->daemon.recorder_ring, 35);
+  EXPECT_EQ(parsed->lcm.url, "udpm://239.255.76.68:7668?ttl=1");
+  EXPECT_EQ(parsed->lcm.prefix, "CART_7");
+  EXPECT_EQ(parsed->lcm.scan_every, 5);
+  EXPECT_FALSE(parsed->recorder.raw);
+  EXPECT_EQ(parsed->recorder.raw_file_bytes, 31'000'000U);
+  EXPECT_EQ(parsed->recorder.disk_low_bytes, 32'000'000U);
+  EXPECT_EQ(parsed->recorder.disk_last_bytes, 33'000'000U);
   const MapperOptions& m = parsed->mapper;
   EXPECT_EQ(m.filter, FilterMode::kFastSlam);
   EXPECT_EQ(m.particles, 11);
@@ -228,10 +270,11 @@ TEST(ConfigurationTest, NumbersAreTakenAtBothEndsOfTheirRangeAndRefusedBeyond) {
       EXPECT_EQ(error_of(file_with(key, fmt::format("{:.0f}", std::ceil(range.low)))), "") << "2 is a number too";
     }
   }
-  EXPECT_EQ(numbers, 20);
+  EXPECT_EQ(numbers, 27);
 }
 
 TEST(ConfigurationTest, SwitchesAndTextsTakeTheirValuesOnly) {
+  std::vector<std::string> texts;
   for (const DescribedKey& key : described_keys()) {
     SCOPED_TRACE(key.section + "." + key.name + ": " + key.rule);
     Range range;
@@ -253,7 +296,15 @@ TEST(ConfigurationTest, SwitchesAndTextsTakeTheirValuesOnly) {
       }
       continue;
     }
-    ASSERT_THAT(key.rule, HasSubstr("one of "));
+    if (!key.rule.starts_with("one of ")) {
+      texts.push_back(key.name);
+      EXPECT_EQ(error_of(file_with(key, key.value)), "");
+      for (const std::string& wrong :
+           {std::string("1"), std::string("\"\""), std::string("\"a b\""), "\"" + std::string(101, '/') + "\""}) {
+        EXPECT_THAT(error_of(file_with(key, wrong)), HasSubstr(key.rule)) << wrong;
+      }
+      continue;
+    }
     std::istringstream choices(key.rule.substr(7));
     for (std::string choice; choices >> choice;) {
       if (choice.back() == ',') choice.pop_back();
@@ -262,6 +313,7 @@ TEST(ConfigurationTest, SwitchesAndTextsTakeTheirValuesOnly) {
     }
     EXPECT_THAT(error_of(file_with(key, "1")), HasSubstr(key.rule));
   }
+  EXPECT_THAT(texts, testing::ElementsAre("state", "control_socket", "url", "prefix"));
 }
 
 TEST(ConfigurationTest, UnknownNamesAreToldWithTheKnownOnes) {
@@ -269,7 +321,7 @@ TEST(ConfigurationTest, UnknownNamesAreToldWithTheKnownOnes) {
             "cart.toml:3: unknown key \"distanse\" in [keyframe]; known are distance, turn, wait");
   EXPECT_THAT(error_of("\n[keyfram]\ndistance = 1\n"), HasSubstr("unknown section [keyfram]"));
   EXPECT_THAT(error_of("\n[keyfram]\ndistance = 1\n"),
-              HasSubstr("known are scanner, filter, keyframe, submap, map, budget, experiment"));
+              HasSubstr("known are scanner, daemon, lcm, recorder, filter, keyframe, submap, map, budget, experiment"));
   EXPECT_THAT(error_of("[nothing]\n"), HasSubstr("cart.toml:1: unknown section [nothing]")) << "an empty one too";
   EXPECT_THAT(error_of("particles = 3\n"), HasSubstr("cart.toml:1: key \"particles\" stands outside any section"));
 }
@@ -321,6 +373,12 @@ TEST(ConfigurationTest, ThePageShowsTheKeysAsTheyAre) {
   ASSERT_NE(end, std::string::npos);
   EXPECT_EQ(page.substr(begin, end - begin), describe_configuration())
       << "put what describe_configuration() says into the page";
+}
+
+TEST(ConfigurationTest, TheShippedFileIsLoaded) {
+  const Expected<Configuration> shipped = load_configuration(SHIPPED_CONFIGURATION);
+  ASSERT_TRUE(shipped.has_value()) << shipped.error().message();
+  EXPECT_EQ(shipped->daemon.control_group, "submapd-operators");
 }
 
 // What the ranges allow, the mapper can work with.

@@ -188,6 +188,18 @@ TEST_F(OptimizerThreadTest, FinishTakesFirstWhatWasAnnounced) {
   EXPECT_EQ(result->submaps.size(), 1U);
 }
 
+TEST_F(OptimizerThreadTest, FinishWithTakesFirstWhatIsInTheArchive) {
+  rig.start();
+  for (std::uint32_t i = 0; i < 3; ++i) rig.save(i);  // never sent
+  const Expected<FinalResult> result = rig.thread->finish_with(std::make_shared<const FinishedSubmap>(rig.submap(3)));
+  ASSERT_TRUE(result.has_value()) << result.error().message();
+  EXPECT_EQ(result->submaps.size(), 4U);
+  EXPECT_EQ(rig.back_end.indices().size(), 3U);
+  EXPECT_EQ(rig.thread->newest()->index, 2U);
+  ASSERT_TRUE(rig.save_and_send(3));
+  EXPECT_TRUE(rig.thread->wait_until_processed(3).ok()) << "and it goes on";
+}
+
 TEST_F(OptimizerThreadTest, BarrierGivesUpWhenNothingMoves) {
   rig.options.lost_after = std::chrono::hours(1);
   rig.options.no_progress_timeout = std::chrono::seconds(0);

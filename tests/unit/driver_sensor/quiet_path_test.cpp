@@ -1,61 +1,14 @@
 // From the transfer's bytes to the ring our code neither allocates nor locks: counted over 100 000 scans.
-#include <dlfcn.h>
 #include <gtest/gtest.h>
-#include <pthread.h>
-
-#include <cstddef>
-#include <cstdlib>
 
 #include "driver/scan_pipeline.hpp"
+#include "tests/support/call_counter.hpp"
 #include "tests/unit/driver_sim/sim_rig.hpp"
-
-// A sanitizer has its own malloc, which must not be replaced. g++ and clang tell of it in different ways.
-#if defined(__has_feature)
-#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
-#define SUBMAPD_SANITIZED 1
-#endif
-#endif
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__) || defined(SUBMAPD_SANITIZED)
-#define SUBMAPD_COUNTS_CALLS 0
-#else
-#define SUBMAPD_COUNTS_CALLS 1
-#endif
-
-namespace {
-thread_local bool armed = false;
-thread_local std::size_t allocations = 0;
-thread_local std::size_t locks = 0;
-}  // namespace
-
-#if SUBMAPD_COUNTS_CALLS
-extern "C" {
-void* __libc_malloc(std::size_t size);
-void* __libc_calloc(std::size_t count, std::size_t size);
-void* __libc_realloc(void* old, std::size_t size);
-
-void* malloc(std::size_t size) {
-  allocations += armed ? 1U : 0U;
-  return __libc_malloc(size);
-}
-void* calloc(std::size_t count, std::size_t size) {
-  allocations += armed ? 1U : 0U;
-  return __libc_calloc(count, size);
-}
-void* realloc(void* old, std::size_t size) {
-  allocations += armed ? 1U : 0U;
-  return __libc_realloc(old, size);
-}
-int pthread_mutex_lock(pthread_mutex_t* mutex) {
-  using Lock = int (*)(pthread_mutex_t*);
-  static const Lock kReal = reinterpret_cast<Lock>(dlsym(RTLD_NEXT, "pthread_mutex_lock"));
-  locks += armed ? 1U : 0U;
-  return kReal(mutex);
-}
-}
-#endif
 
 namespace submapd::driver::test {
 namespace {
+
+using namespace submapd::test;  // the counters
 
 // Only what lies between the transfer's completion and the ring is armed.
 class ArmedRig : private ByteLink, private SensorOwner {
@@ -119,17 +72,7 @@ class ArmedRig : private ByteLink, private SensorOwner {
 };
 
 TEST(QuietPath, TheCountersCount) {
-#if SUBMAPD_COUNTS_CALLS
-  pthread_mutex_t mutex = PTHREAD_MUTEX_INITIALIZER;
-  armed = true;
-  void* const block = std::malloc(100);
-  pthread_mutex_lock(&mutex);
-  armed = false;
-  pthread_mutex_unlock(&mutex);
-  std::free(block);
-  EXPECT_EQ(allocations, 1U);
-  EXPECT_EQ(locks, 1U);
-#endif
+  expect_the_counters_count();
 }
 
 TEST(QuietPath, NothingIsAllocatedOrLockedOnTheWayToTheRing) {

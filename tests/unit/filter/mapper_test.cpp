@@ -4,15 +4,18 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <map>
 #include <memory>
 #include <set>
 #include <span>
+#include <thread>
 #include <vector>
 
 #include "daemon/thread_pool.hpp"
 #include "slam/base/random.hpp"
+#include "slam/submap/submap_codec.hpp"
 #include "tools/sim/office.hpp"
 #include "tools/sim/simulator.hpp"
 
@@ -412,6 +415,69 @@ TEST(MapperFaultTest, ANewSubmapWaitsUntilTheOldOneIsTaken) {
   ASSERT_TRUE(mapper.has_finished());
   EXPECT_EQ(mapper.take_finished()->id.index, 1U);
   EXPECT_LT(error_of(reports, std::span(drive.truth).first(601)).rms_m, 0.05);
+}
+
+// ---- what others take while the run goes on ----
+
+TEST(MapperSnapshotTest, IsTheLastSubmapAsItWouldBeClosedNow) {
+  SerialPool pool;
+  Mapper mapper({}, Uuid::from_seed(1, 1), Uuid::from_seed(1, 2), pool);
+  EXPECT_FALSE(mapper.snapshot_open().has_value());
+  for (const Scan& scan : std::span(fast_drive().scans).first(250)) mapper.process(scan);
+  const std::optional<FinishedSubmap> open = mapper.snapshot_open();
+  ASSERT_TRUE(open.has_value());
+  EXPECT_EQ(encode_submap(*open), encode_submap(*mapper.snapshot_open())) << "looking changes nothing";
+  mapper.finish_run();
+  EXPECT_EQ(encode_submap(*open), encode_submap(*mapper.take_finished()));
+}
+
+// Particles that disagree: the key-frames of the best are there, though the cells do not have them yet.
+TEST(MapperSnapshotTest, HoldsTheKeyframesThatAreNotAgreedOn) {
+  MapperOptions options;
+  options.filter = FilterMode::kRbpf;
+  options.particles = 3;
+  options.limits.path_m = 100.0;
+  options.keyframe_m = 0.05;
+  SerialPool pool;
+  Mapper mapper(options, Uuid::from_seed(1, 1), Uuid::from_seed(1, 2), pool);
+  for (const Scan& scan : std::span(slow_drive().scans).first(200)) {
+    const ScanReport report = mapper.process(scan);
+    const std::optional<FinishedSubmap> open = mapper.snapshot_open();
+    ASSERT_TRUE(open.has_value());
+    ASSERT_EQ(open->keyframes.back().scan_index, report.keyframe_scan_index) << "scan " << scan.index;
+    for (std::size_t k = 1; k < open->keyframes.size(); ++k) {
+      ASSERT_LT(open->keyframes[k - 1].scan_index, open->keyframes[k].scan_index);
+    }
+  }
+}
+
+// The daemon's recorder takes finished sub-maps while the mapper goes on: same bits as in replay.
+TEST(MapperSnapshotTest, AnotherThreadMayTakeFinishedSubmaps) {
+  MapperOptions options;
+  options.limits.path_m = 4.0;
+  const std::span<const Scan> scans = std::span(fast_drive().scans).first(500);
+  const MapperRun alone = run_mapper({scans.begin(), scans.end()}, options);
+  SerialPool pool;
+  Mapper mapper(options, Uuid::from_seed(1, 1), Uuid::from_seed(1, 2), pool);
+  std::vector<FinishedSubmap> taken;
+  std::atomic<bool> ended{false};
+  std::thread taker([&] {
+    while (!ended.load() || mapper.has_finished()) {
+      if (std::optional<FinishedSubmap> finished = mapper.take_finished()) taken.push_back(std::move(*finished));
+      std::this_thread::yield();
+    }
+  });
+  for (const Scan& scan : scans) {
+    mapper.process(scan);
+    while (mapper.has_finished()) std::this_thread::yield();  // this test goes at many times real time
+  }
+  mapper.finish_run();
+  ended = true;
+  taker.join();
+  ASSERT_EQ(taken.size(), alone.submaps.size());
+  for (std::size_t i = 0; i < taken.size(); ++i) {
+    EXPECT_EQ(encode_submap(taken[i]), encode_submap(alone.submaps[i])) << i;
+  }
 }
 
 // ---- all filters ----

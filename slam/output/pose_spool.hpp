@@ -1,8 +1,8 @@
 // Poses of every scan, kept on disk while a run lasts: eight hours at 40 Hz are no reason to hold them in memory.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
-#include <cstdio>
 #include <filesystem>
 #include <functional>
 #include <memory>
@@ -10,7 +10,7 @@
 #include "slam/base/pose2.hpp"
 #include "slam/base/status.hpp"
 
-namespace submapd::tools {
+namespace submapd {
 
 // One scan's pose relative to the newest key-frame, so that it stays true when key-frames are optimised.
 struct SpooledPose {
@@ -23,25 +23,26 @@ struct SpooledPose {
   bool linked = false;
 };
 
-// Write all, then read any number of times. The file has no name: it is gone with the object, however the process ends.
+// The file has no name: it is gone with the object, however the process ends. One thread adds, others may read what is
+// there at the same time.
 class PoseSpool {
  public:
   // The file lies in `folder`, which must exist.
   [[nodiscard]] static Expected<std::unique_ptr<PoseSpool>> create(const std::filesystem::path& folder);
+  PoseSpool(const PoseSpool&) = delete;
+  PoseSpool& operator=(const PoseSpool&) = delete;
+  ~PoseSpool();
 
   Status add(const SpooledPose& pose);
-  // Calls `visit` for each record in order, until it returns an error.
-  Status for_each(const std::function<Status(const SpooledPose&)>& visit);
-  [[nodiscard]] std::uint64_t size() const { return size_; }
+  // Calls `visit` for the first `count` records in order, until it returns an error. REQUIRES: count <= size().
+  Status for_each(std::uint64_t count, const std::function<Status(const SpooledPose&)>& visit) const;
+  [[nodiscard]] std::uint64_t size() const { return size_.load(std::memory_order_acquire); }
 
  private:
-  struct Closer {
-    void operator()(std::FILE* file) const { std::fclose(file); }
-  };
-  explicit PoseSpool(std::FILE* file) : file_(file) {}
+  explicit PoseSpool(int fd) : fd_(fd) {}
 
-  std::unique_ptr<std::FILE, Closer> file_;
-  std::uint64_t size_ = 0;
+  const int fd_;
+  std::atomic<std::uint64_t> size_{0};
 };
 
-}  // namespace submapd::tools
+}  // namespace submapd

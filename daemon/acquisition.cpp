@@ -1,0 +1,60 @@
+#include "daemon/acquisition.hpp"
+
+#include <future>
+
+#include "daemon/realtime.hpp"
+
+namespace submapd {
+namespace {
+
+driver::ClockOptions clock_options(const Configuration& configuration) {
+  driver::ClockOptions options;
+  options.stamp_to_first_beam_us = configuration.scanner.stamp_to_first_beam_us;
+  return options;
+}
+
+driver::ScannersOptions scanners_options(const Configuration& configuration) {
+  driver::ScannersOptions options;
+  options.roles = configuration.scanner.roles;
+  options.intensity = configuration.scanner.intensity;
+  return options;
+}
+
+}  // namespace
+
+Acquisition::Acquisition(const Configuration& configuration, driver::Doorbell& mapper_bell,
+                         driver::Doorbell& recorder_bell)
+    : mapper_ring_(static_cast<std::size_t>(configuration.daemon.mapper_ring), &mapper_bell),
+      recorder_h_(static_cast<std::size_t>(configuration.daemon.recorder_ring), &recorder_bell),
+      recorder_v_(static_cast<std::size_t>(configuration.daemon.recorder_ring), &recorder_bell),
+      horizontal_(clock_options(configuration), {&mapper_ring_, &recorder_h_}),
+      vertical_(clock_options(configuration), {&recorder_v_, nullptr}),
+      scanners_(scanners_options(configuration), {&horizontal_, &vertical_}),
+      clients_(scanners_) {}
+
+Acquisition::~Acquisition() {
+  stop();
+}
+
+Status Acquisition::start() {
+  driver::Expected<std::unique_ptr<driver::UsbHost>> host = driver::UsbHost::create({}, clients_);
+  if (!host) return {StatusCode::kUnavailable, host.error().message};
+  host_ = std::move(*host);
+  std::promise<void> ready;
+  thread_ = std::thread([this, &ready] {
+    name_thread("usb");
+    priority_ = take_fifo_priority(kUsbPriority);
+    ready.set_value();
+    host_->run();
+  });
+  ready.get_future().wait();
+  return {};
+}
+
+void Acquisition::stop() {
+  if (!thread_.joinable()) return;
+  host_->stop();
+  thread_.join();
+}
+
+}  // namespace submapd

@@ -1,0 +1,212 @@
+#include "daemon/control.hpp"
+
+#include <fmt/format.h>
+#include <sys/epoll.h>
+#include <sys/signalfd.h>
+#include <sys/timerfd.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <utility>
+
+#include "daemon/daemon_log.hpp"
+
+namespace submapd {
+namespace {
+
+constexpr std::int64_t kSecond_ns = 1'000'000'000;
+constexpr std::int64_t kLook_ns = kSecond_ns / 10;
+
+std::string reply_of(const std::string& id, const SaveProgress& progress) {
+  if (progress.state == SaveState::kFailed) return refusal(id, progress.status);
+  const bool done = progress.state == SaveState::kDone;
+  nlohmann::json extra = {{"name", progress.name}, {"progress", progress.percent}};
+  if (done) extra["path"] = progress.path;
+  return reply(id, done ? ReplyState::kDone : ReplyState::kWorking,
+               done ? "saved " + progress.path : fmt::format("saving {}, {} %", progress.name, progress.percent),
+               std::move(extra));
+}
+
+}  // namespace
+
+sigset_t control_signals() {
+  sigset_t signals;
+  sigemptyset(&signals);
+  sigaddset(&signals, SIGTERM);
+  sigaddset(&signals, SIGINT);
+  sigaddset(&signals, SIGHUP);
+  return signals;
+}
+
+Control::Control(const Configuration& configuration, LiveRun& run, ServiceManager& service)
+    : run_(run), service_(service) {
+  const sigset_t signals = control_signals();
+  signal_fd_ = ::signalfd(-1, &signals, SFD_CLOEXEC | SFD_NONBLOCK);
+  timer_fd_ = ::timerfd_create(CLOCK_MONOTONIC, TFD_CLOEXEC | TFD_NONBLOCK);
+  const itimerspec often{{0, kLook_ns}, {0, kLook_ns}};
+  if (timer_fd_ >= 0) ::timerfd_settime(timer_fd_, 0, &often, nullptr);
+  add(signal_fd_, [this](std::uint32_t) { on_signal(); });
+  add(timer_fd_, [this](std::uint32_t) { on_timer(); });
+
+  ControlServerOptions options;
+  options.path = configuration.daemon.control_socket;
+  options.group = configuration.daemon.control_group;
+  Expected<std::unique_ptr<ControlServer>> server = ControlServer::open(
+      loop_, options, [this](std::string_view packet, const ControlPeer& peer) { return answer(packet, peer); });
+  if (!server) throw std::runtime_error(server.error().message());
+  server_ = std::move(*server);
+}
+
+Control::~Control() {
+  server_.reset();
+  for (const int fd : {signal_fd_, timer_fd_}) {
+    if (fd < 0) continue;
+    loop_.remove(fd);
+    ::close(fd);
+  }
+}
+
+void Control::add(int fd, EventLoop::Callback callback) {
+  if (fd < 0) throw std::runtime_error(fmt::format("control thread: {}", std::strerror(errno)));
+  if (Status status = loop_.add(fd, EPOLLIN, std::move(callback)); !status.ok()) {
+    throw std::runtime_error(status.message());
+  }
+}
+
+Control::End Control::serve() {
+  const Status status = loop_.run();
+  if (status.ok()) return end_;
+  log(Severity::kError, status.message());
+  return End::kError;
+}
+
+void Control::on_signal() {
+  signalfd_siginfo info{};
+  if (::read(signal_fd_, &info, sizeof info) != sizeof info) return;
+  if (info.ssi_signo == SIGHUP) {
+    // Pools, rings and sockets are made once; a run's options are part of what replay repeats.
+    log(Severity::kWarning, "SIGHUP: the configuration is read at the start only; restart submapd to take it");
+    return;
+  }
+  log(Severity::kInfo, fmt::format("signal {}: the run ends", info.ssi_signo));
+  end_ = End::kSignal;
+  loop_.stop();
+}
+
+void Control::on_timer() {
+  std::uint64_t expirations = 0;
+  if (::read(timer_fd_, &expirations, sizeof expirations) != sizeof expirations) return;
+  const std::int64_t now_ns = monotonic_ns();
+  tell(run_.look(), now_ns);
+  tell_waiting();
+  server_->look(now_ns);
+  if (service_.watchdog_ns() > 0 && now_ns - fed_ns_ >= service_.watchdog_ns() && run_.all_moved()) {
+    fed_ns_ = now_ns;
+    service_.feed_watchdog();
+  }
+}
+
+void Control::tell(Health health, std::int64_t now_ns) {
+  const bool news = !last_ || differs(*last_, health);
+  if (news || now_ns - published_ns_ >= kSecond_ns) {
+    published_ns_ = now_ns;
+    run_.publish(health);
+    service_.status(words_of(health));
+  }
+  tell_trouble(health);
+  last_ = std::move(health);
+}
+
+// Each trouble once when it comes, and a word when all is well again.
+void Control::tell_trouble(const Health& health) {
+  const std::string trouble = trouble_of(health);
+  if (trouble == told_) return;
+  told_ = trouble;
+  log(trouble.empty() ? Severity::kInfo : Severity::kWarning, trouble.empty() ? "all is well" : trouble);
+}
+
+void Control::tell_waiting() {
+  const SaveProgress progress = run_.saver().progress();
+  if (progress.state == told_progress_.state && progress.percent == told_progress_.percent &&
+      progress.name == told_progress_.name) {
+    return;
+  }
+  if (progress.state == SaveState::kDone) log(Severity::kInfo, "saved " + progress.path);
+  if (progress.state == SaveState::kFailed) {
+    log(Severity::kError, fmt::format("map {} is not saved: {}", progress.name, progress.status.message()));
+  }
+  told_progress_ = progress;
+  for (const std::uint64_t client : waiting_) server_->send(client, reply_of(progress.id, progress));
+  if (progress.state == SaveState::kWorking) return;
+  for (const std::uint64_t client : waiting_) server_->keep(client, false);
+  waiting_.clear();
+}
+
+std::string Control::answer(std::string_view packet, const ControlPeer& peer) {
+  const Expected<ControlRequest> request = parse_request(packet);
+  if (!request) return refusal("", request.error());
+  if (request->verb != ControlVerb::kStatus && request->verb != ControlVerb::kHealth) {
+    log(Severity::kInfo,
+        fmt::format("{} {} by user {}, process {}", verb_name(request->verb), request->name, peer.uid, peer.pid));
+  }
+  switch (request->verb) {
+    case ControlVerb::kStatus:
+    case ControlVerb::kHealth:
+      return answer_health(*request);
+    case ControlVerb::kSaveMap:
+      return answer_save(*request, peer);
+    case ControlVerb::kMark:
+      return answer_mark(*request);
+    case ControlVerb::kPause:
+    case ControlVerb::kResume:
+    case ControlVerb::kNewRun:
+      return answer_command(*request);
+  }
+  return refusal(request->id, {StatusCode::kInternal, "unknown verb"});
+}
+
+std::string Control::answer_health(const ControlRequest& request) {
+  const Health health = last_ ? *last_ : run_.look();
+  return reply(request.id, ReplyState::kDone, words_of(health), {{"health", json_of(health)}});
+}
+
+std::string Control::answer_save(const ControlRequest& request, const ControlPeer& peer) {
+  const Expected<SaveProgress> progress = run_.saver().start({request.id, request.name, request.force, marks_});
+  if (!progress) return refusal(request.id, progress.error());
+  if (request.wait && progress->state == SaveState::kWorking) {
+    waiting_.insert(peer.client);
+    server_->keep(peer.client, true);
+  }
+  return reply_of(request.id, *progress);
+}
+
+std::string Control::answer_mark(const ControlRequest& request) {
+  if (marks_.size() >= kMostMarks) {
+    return refusal(request.id, {StatusCode::kExhausted, fmt::format("the run has {} marks already", kMostMarks)});
+  }
+  const Mark mark{request.name, request.utime_us.value_or(run_.clock().utime_us())};
+  if (!run_.recorder().note(MarkSet{mark.utime_us, mark.name})) {
+    return refusal(request.id, {StatusCode::kUnavailable, "the disk does not keep up; try again"});
+  }
+  const auto later = std::upper_bound(marks_.begin(), marks_.end(), mark.utime_us,
+                                      [](std::int64_t utime_us, const Mark& m) { return utime_us < m.utime_us; });
+  marks_.insert(later, mark);
+  return reply(request.id, ReplyState::kDone, fmt::format("marked {}", mark.name), {{"utime_us", mark.utime_us}});
+}
+
+std::string Control::answer_command(const ControlRequest& request) {
+  if (request.verb == ControlVerb::kNewRun) {
+    end_ = End::kNewRun;
+    loop_.stop();
+    return reply(request.id, ReplyState::kDone, "the run ends, the next begins", nlohmann::json::object());
+  }
+  const bool pause = request.verb == ControlVerb::kPause;
+  if (Status status = pause ? run_.pause() : run_.resume(); !status.ok()) return refusal(request.id, status);
+  return reply(request.id, ReplyState::kDone, pause ? "paused" : "mapping goes on", nlohmann::json::object());
+}
+
+}  // namespace submapd

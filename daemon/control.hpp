@@ -1,0 +1,73 @@
+// The control thread: signals, timer, watchdog, operator's requests, health. The main thread runs it.
+//
+// Looks at everything ten times a second, tells what changed, and answers the control socket. Never blocks: what takes
+// longer is the saver's or the recorder's.
+#pragma once
+
+#include <csignal>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "daemon/configuration.hpp"
+#include "daemon/control_protocol.hpp"
+#include "daemon/control_server.hpp"
+#include "daemon/event_loop.hpp"
+#include "daemon/live_run.hpp"
+#include "daemon/service_manager.hpp"
+
+namespace submapd {
+
+// Those that the control thread takes. REQUIRES: blocked in all threads.
+[[nodiscard]] sigset_t control_signals();
+
+class Control {
+ public:
+  // Throws std::runtime_error where there is no socket or no descriptor: for start-up. `run` and `service`
+  // must outlive the object.
+  Control(const Configuration& configuration, LiveRun& run, ServiceManager& service);
+  Control(const Control&) = delete;
+  Control& operator=(const Control&) = delete;
+  ~Control();
+
+  enum class End : std::uint8_t { kSignal, kNewRun, kError };
+  // Until a signal or the operator ends the run.
+  [[nodiscard]] End serve();
+
+ private:
+  static constexpr std::size_t kMostMarks = 10'000;
+
+  void add(int fd, EventLoop::Callback callback);
+  void on_signal();
+  void on_timer();
+  void tell(Health health, std::int64_t now_ns);
+  void tell_trouble(const Health& health);
+  void tell_waiting();
+
+  std::string answer(std::string_view packet, const ControlPeer& peer);
+  std::string answer_health(const ControlRequest& request);
+  std::string answer_save(const ControlRequest& request, const ControlPeer& peer);
+  std::string answer_mark(const ControlRequest& request);
+  std::string answer_command(const ControlRequest& request);
+
+  LiveRun& run_;
+  End end_ = End::kError;
+  ServiceManager& service_;
+  EventLoop loop_;
+  int signal_fd_ = -1;
+  int timer_fd_ = -1;
+  std::unique_ptr<ControlServer> server_;
+
+  std::optional<Health> last_;
+  std::int64_t published_ns_ = 0;
+  std::int64_t fed_ns_ = 0;
+  std::string told_;
+  std::vector<Mark> marks_;
+  std::set<std::uint64_t> waiting_;  // clients that want to know how the save goes
+  SaveProgress told_progress_;
+};
+
+}  // namespace submapd

@@ -1,0 +1,93 @@
+// One run of the daemon, from the scanners to the archive: makes all threads, wires them, ends them in order.
+//
+//   usb ─▶ mapper ring ─▶ mapper ─▶ reports ─▶ publisher ─▶ LCM ─▶ optimizer
+//    └──▶ recorder rings ─▶ recorder ◀─ reports, finished sub-maps      ▲
+//                              └─▶ disk, then publisher and announce() ─┘
+//
+// The object belongs to the thread that made it.
+#pragma once
+
+#include <lcm/lcm-cpp.hpp>
+#include <memory>
+#include <vector>
+
+#include "daemon/acquisition.hpp"
+#include "daemon/health.hpp"
+#include "daemon/map_saver.hpp"
+#include "daemon/recorder_thread.hpp"
+#include "daemon/run_folder.hpp"
+
+namespace submapd {
+
+class LiveRun {
+ public:
+  // Everything runs when this returns; scanners may come later. Errors: kIo, kCorrupt, kUnavailable, kInternal, in
+  // words for the operator.
+  [[nodiscard]] static Expected<std::unique_ptr<LiveRun>> start(const Configuration& configuration);
+  LiveRun(const LiveRun&) = delete;
+  LiveRun& operator=(const LiveRun&) = delete;
+  // Ends the run: maps and writes what has been received. Waits for what saver and optimizer are just doing.
+  ~LiveRun();
+
+  // What it wants the operator to know from the start: limits that were refused.
+  [[nodiscard]] const std::vector<std::string>& remarks() const { return remarks_; }
+  // Looks at everything; rates are over the last second. Call some ten times a second.
+  [[nodiscard]] Health look();
+  void publish(const Health& health);
+
+  [[nodiscard]] MapSaver& saver() { return *saver_; }
+  [[nodiscard]] RecorderThread& recorder() { return *recorder_; }
+  // kUnavailable if the journal cannot take it.
+  [[nodiscard]] Status pause();
+  [[nodiscard]] Status resume();
+  [[nodiscard]] const RunClock& clock() const { return folder_.clock; }
+
+  // True if every thread that must move did since the last true answer. The usb thread rests while no scanner is there.
+  [[nodiscard]] bool all_moved();
+
+ private:
+  explicit LiveRun(const Configuration& configuration, RunFolder folder);
+  [[nodiscard]] Status open_files();
+  [[nodiscard]] Status start_threads();
+  void look_at_scanners(Health& health);
+
+  // What rates and reconnects are counted from, for each role.
+  struct Seen {
+    bool streaming = false;
+    std::uint64_t connects = 0;
+    std::uint64_t scans = 0;  // at the start of the second
+    double rate_hz = 0.0;
+  };
+
+  const Configuration configuration_;
+  const RunFolder folder_;
+  std::vector<std::string> remarks_;
+
+  driver::Doorbell mapper_bell_;
+  driver::Doorbell recorder_bell_;
+  driver::Doorbell publisher_bell_;
+  PauseWindow pause_;
+  ReportRing to_publisher_;
+  ReportRing to_recorder_;
+  Acquisition acquisition_;
+
+  std::unique_ptr<RunJournal> journal_;
+  std::unique_ptr<SubmapArchive> archive_;
+  std::unique_ptr<PoseSpool> poses_;
+  SubmapJournal hashes_;
+
+  std::unique_ptr<lcm::LCM> optimizer_lcm_;
+  std::unique_ptr<Optimizer> optimizer_;
+  std::unique_ptr<OptimizerThread> optimizer_thread_;
+  std::unique_ptr<PublisherThread> publisher_;
+  std::unique_ptr<MapperThread> mapper_;
+  std::unique_ptr<RecorderThread> recorder_;
+  std::unique_ptr<MapSaver> saver_;
+
+  std::vector<HeartbeatWatch> watches_;  // of mapper, recorder, publisher
+  HeartbeatWatch usb_watch_;
+  std::array<Seen, driver::kSensorRoles> seen_;
+  std::int64_t second_began_ns_ = 0;
+};
+
+}  // namespace submapd

@@ -1,0 +1,190 @@
+#include "daemon/map_saver.hpp"
+
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <ctime>
+#include <exception>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "daemon/map_folder.hpp"
+#include "daemon/realtime.hpp"
+#include "daemon/version.hpp"
+#include "slam/submap/submap_archive.hpp"
+
+namespace submapd {
+namespace {
+
+constexpr int kTries = 3;                         // the open sub-map may close while the graph is prepared
+constexpr std::uint64_t kRoom_bytes = 64U << 20;  // less room on the disk is not worth a try
+constexpr std::chrono::seconds kRecorderPatience{10};
+constexpr std::chrono::milliseconds kLookAgain{10};
+
+// The archive and the open sub-map. With a reader of its own: the optimizer's cache belongs to its thread.
+class SavedSubmaps final : public SubmapSource {
+ public:
+  SavedSubmaps(std::unique_ptr<SubmapArchive> archive, std::shared_ptr<const FinishedSubmap> open)
+      : archive_(std::move(archive)), open_(std::move(open)) {}
+  Expected<std::shared_ptr<const FinishedSubmap>> load(std::uint32_t index) override {
+    if (index == open_->id.index) return open_;
+    return archive_->load(index);
+  }
+
+ private:
+  const std::unique_ptr<SubmapArchive> archive_;
+  const std::shared_ptr<const FinishedSubmap> open_;
+};
+
+}  // namespace
+
+MapSaver::MapSaver(const Configuration& configuration, const RunFolder& run, const SaverLinks& links)
+    : configuration_(configuration), folder_(run), links_(links) {
+  thread_ = std::thread([this] { this->run(); });
+}
+
+MapSaver::~MapSaver() {
+  {
+    const MutexLock lock(mutex_);
+    stop_ = true;
+  }
+  wanted_.notify_all();
+  thread_.join();
+}
+
+Expected<SaveProgress> MapSaver::start(SaveRequest request) {
+  if (request.name.empty()) {
+    request.name = fmt::format("map-{:%Y%m%d-%H%M%S}", fmt::gmtime(std::time_t{folder_.clock.utime_us() / 1'000'000}));
+  }
+  const MutexLock lock(mutex_);
+  if (!request.id.empty() && request.id == progress_.id) return progress_;
+  if (progress_.state == SaveState::kWorking) {
+    return failure(StatusCode::kUnavailable, fmt::format("the map {} is being saved, {} % done; try again then",
+                                                         progress_.name, progress_.percent));
+  }
+  if (!is_name(request.name)) {
+    return failure(StatusCode::kInvalidArgument, fmt::format("\"{}\" is no name for a map", request.name));
+  }
+  progress_ = {SaveState::kWorking, request.id, request.name, 0, "", {}};
+  request_ = std::move(request);
+  wanted_.notify_all();
+  return progress_;
+}
+
+SaveProgress MapSaver::progress() const {
+  const MutexLock lock(mutex_);
+  return progress_;
+}
+
+void MapSaver::tell(int percent) {
+  const MutexLock lock(mutex_);
+  progress_.percent = percent;
+}
+
+void MapSaver::run() {
+  name_thread("saver");
+  for (;;) {
+    SaveRequest request;
+    {
+      const MutexLock lock(mutex_);
+      while (!request_ && !stop_) wanted_.wait(mutex_);
+      if (!request_) return;
+      request = *std::exchange(request_, std::nullopt);
+    }
+    Status status;
+    try {
+      status = save(request);
+    } catch (const std::exception& error) {  // no memory
+      status = Status(StatusCode::kInternal, error.what());
+    }
+    const MutexLock lock(mutex_);
+    progress_.state = status.ok() ? SaveState::kDone : SaveState::kFailed;
+    progress_.percent = status.ok() ? 100 : progress_.percent;
+    progress_.path = status.ok() ? (folder_.maps() / request.name).string() : "";
+    progress_.status = std::move(status);
+  }
+}
+
+Status MapSaver::wait_for_recorder(const OpenRun& run) const {
+  const std::int64_t before = std::int64_t{run.open->id.index} - 1;
+  const auto end = std::chrono::steady_clock::now() + kRecorderPatience;
+  for (;;) {
+    const RecorderState recorder = links_.recorder.state();
+    if (recorder.reports >= run.reports && recorder.last_submap >= before) return {};
+    if (std::chrono::steady_clock::now() > end) {
+      return {StatusCode::kUnavailable,
+              "the disk does not keep up" + (recorder.trouble.empty() ? std::string() : ": " + recorder.trouble)};
+    }
+    std::this_thread::sleep_for(kLookAgain);
+  }
+}
+
+Expected<MapSaver::Solved> MapSaver::solve() {
+  Status last;
+  for (int i = 0; i < kTries; ++i) {
+    Expected<OpenRun> run = links_.mapper.snapshot();
+    if (!run) return failure(run.error());
+    if (!run->open) {
+      return failure(StatusCode::kUnavailable, "there is no map yet: no scan of the horizontal scanner has come");
+    }
+    if (Status status = wait_for_recorder(*run); !status.ok()) return failure(status);
+    tell(10);
+    auto open = std::make_shared<const FinishedSubmap>(std::move(*run->open));
+    Expected<FinalResult> result = links_.optimizer.finish_with(open);
+    if (result) return Solved{std::move(*run), std::move(open), std::move(*result)};
+    last = result.error();
+    if (last.code() != StatusCode::kInvalidArgument) break;  // else the sub-map has been closed meanwhile
+  }
+  return failure(last);
+}
+
+Status MapSaver::save(const SaveRequest& request) {
+  const RecorderState recorder = links_.recorder.state();
+  if (recorder.disk_free_bytes < kRoom_bytes) {
+    return {StatusCode::kIo, fmt::format("only {} MB are left on the disk of {}; make room",
+                                         recorder.disk_free_bytes >> 20, folder_.maps().string())};
+  }
+  Expected<MapFolder> folder = MapFolder::begin(folder_.maps(), request.name, request.force);
+  if (!folder) return folder.error();
+  Expected<Solved> solved = solve();
+  if (!solved) return solved.error();
+  tell(60);
+  Expected<std::unique_ptr<SubmapArchive>> archive = SubmapArchive::open(folder_.submaps(), 0);
+  if (!archive) return archive.error();
+  const std::uint64_t failed = links_.recorder.state().poses_failed;  // are not in the spool
+  SavedSubmaps submaps(std::move(*archive), solved->open);
+  const RunOutputs outputs{.folder = folder->aside(),
+                           .name = request.name,
+                           .subtitle = fmt::format("submapd {}, run {}", kVersion, folder_.name),
+                           .mapper = configuration_.mapper,
+                           .raster_bytes = configuration_.map_raster_bytes,
+                           .result = solved->result,
+                           .submaps = submaps,
+                           .poses = links_.poses,
+                           .scans = solved->run.reports - std::min(solved->run.reports, failed),
+                           .marks = request.marks};
+  const Expected<RunOutputsSummary> written = write_run_outputs(outputs);
+  if (!written) return written.error();
+  tell(95);
+  const auto confirmed = std::count_if(solved->result.loops.begin(), solved->result.loops.end(),
+                                       [](const Loop& loop) { return loop.state == LoopState::kConfirmed; });
+  const Status status = folder->commit({{"format", 1},
+                                        {"version", kVersion},
+                                        {"name", request.name},
+                                        {"run", folder_.name},
+                                        {"run_id", folder_.run.to_string()},
+                                        {"cart", folder_.cart.to_string()},
+                                        {"saved_utime_us", folder_.clock.utime_us()},
+                                        {"last_scan_utime_us", solved->open->keyframes.back().stamp_us},
+                                        {"scans", outputs.scans},
+                                        {"submaps", solved->result.submaps.size()},
+                                        {"path_m", written->path_m},
+                                        {"cell_m", written->cell_m},
+                                        {"loops_confirmed", confirmed}});
+  if (status.ok()) (void)links_.recorder.note(MapSaved{request.name});
+  return status;
+}
+
+}  // namespace submapd

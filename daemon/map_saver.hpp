@@ -1,0 +1,90 @@
+// Saves the map while mapping goes on: a copy of the open sub-map, a solve on a copy of the graph, files aside, rename.
+//
+// A thread of its own that works on one request at a time. Threads: start() and progress() by any.
+#pragma once
+
+#include <condition_variable>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "daemon/configuration.hpp"
+#include "daemon/mapper_thread.hpp"
+#include "daemon/mutex.hpp"
+#include "daemon/optimizer_thread.hpp"
+#include "daemon/recorder_thread.hpp"
+#include "daemon/run_folder.hpp"
+#include "slam/output/run_outputs.hpp"
+
+namespace submapd {
+
+struct SaveRequest {
+  std::string id;    // the asker's: the same id again is the same request
+  std::string name;  // empty: map-YYYYmmdd-HHMMSS in UTC
+  bool force = false;
+  std::vector<Mark> marks;  // in order of time
+};
+
+enum class SaveState { kNone, kWorking, kDone, kFailed };
+
+// Of the newest request.
+struct SaveProgress {
+  SaveState state = SaveState::kNone;
+  std::string id;
+  std::string name;
+  int percent = 0;
+  std::string path;  // of the map, when done
+  Status status;     // why it failed
+};
+
+// What the saver works with. All must outlive it.
+struct SaverLinks {
+  MapperThread& mapper;
+  RecorderThread& recorder;
+  OptimizerThread& optimizer;
+  const PoseSpool& poses;
+};
+
+class MapSaver {
+ public:
+  MapSaver(const Configuration& configuration, const RunFolder& run, const SaverLinks& links);
+  MapSaver(const MapSaver&) = delete;
+  MapSaver& operator=(const MapSaver&) = delete;
+  // Waits for the request that is worked on.
+  ~MapSaver();
+
+  // Begins and returns how it stands; for an id that is known, how that stands. Errors: kUnavailable (another request
+  // is worked on), kInvalidArgument (the name).
+  [[nodiscard]] Expected<SaveProgress> start(SaveRequest request);
+  [[nodiscard]] SaveProgress progress() const;
+
+ private:
+  void run();
+  [[nodiscard]] Status save(const SaveRequest& request);
+  // The open run, and the final graph with it.
+  struct Solved {
+    OpenRun run;
+    std::shared_ptr<const FinishedSubmap> open;
+    FinalResult result;
+  };
+  [[nodiscard]] Expected<Solved> solve();
+  [[nodiscard]] Status wait_for_recorder(const OpenRun& run) const;
+  void tell(int percent);
+
+  const Configuration configuration_;
+  const RunFolder folder_;
+  const SaverLinks links_;
+
+  mutable Mutex mutex_;
+  std::condition_variable_any wanted_;
+  std::optional<SaveRequest> request_ GUARDED_BY(mutex_);
+  SaveProgress progress_ GUARDED_BY(mutex_);
+  bool stop_ GUARDED_BY(mutex_) = false;
+
+  std::thread thread_;
+};
+
+}  // namespace submapd

@@ -1,0 +1,204 @@
+#include "daemon/recorder_thread.hpp"
+
+#include <fmt/format.h>
+#include <sys/statvfs.h>
+
+#include <chrono>
+#include <utility>
+
+#include "daemon/daemon_log.hpp"
+#include "daemon/realtime.hpp"
+#include "proto/scan_conversion.hpp"
+
+namespace submapd {
+namespace {
+
+constexpr std::int64_t kSecond_ns = 1'000'000'000;
+constexpr std::int64_t kSync_ns = kSecond_ns / 2;
+constexpr std::int64_t kTroubleLasts_ns = 5 * kSecond_ns;  // after the last refusal
+constexpr std::chrono::milliseconds kIdle{100};
+constexpr std::size_t kMostNotes = 64;
+
+}  // namespace
+
+RecorderThread::RecorderThread(const Configuration& configuration, const RunFolder& run, const RecorderLinks& links)
+    : options_(configuration.recorder),
+      channels_(configuration.lcm.prefix),
+      scan_every_(static_cast<std::uint64_t>(configuration.lcm.scan_every)),
+      folder_(run),
+      links_(links),
+      raw_(run.path, configuration.recorder.raw_file_bytes),
+      stampers_{ScanStamper(run.clock, utm30lx_geometry()), ScanStamper(run.clock, utm30lx_geometry())} {
+  thread_ = std::thread([this] { this->run(); });
+}
+
+RecorderThread::~RecorderThread() {
+  stop_.store(true);
+  links_.bell.ring();
+  thread_.join();
+}
+
+bool RecorderThread::note(JournalEvent event) {
+  {
+    const MutexLock lock(mutex_);
+    if (notes_.size() >= kMostNotes) return false;
+    notes_.push_back(std::move(event));
+  }
+  noted_.store(true);
+  links_.bell.ring();
+  return true;
+}
+
+RecorderState RecorderThread::state() const {
+  RecorderState state{raw_scans_.load(),    raw_lost_.load(),  last_submap_.load(), reports_.load(),
+                      poses_failed_.load(), disk_free_.load(), disk_.load(),        {}};
+  const MutexLock lock(mutex_);
+  if (monotonic_ns() - trouble_ns_ < kTroubleLasts_ns) state.trouble = trouble_;
+  return state;
+}
+
+void RecorderThread::run() {
+  name_thread("recorder");
+  const auto something = [this] {
+    return links_.scans[0]->has_data() || links_.scans[1]->has_data() || links_.reports.has_data() || noted_.load() ||
+           stop_.load();
+  };
+  for (;;) {
+    links_.bell.wait(something, kIdle);
+    heartbeat_.beat();
+    const bool stop = stop_.load();
+    write_scans();
+    write_poses();
+    write_submap();
+    write_notes();
+    const std::int64_t now_ns = monotonic_ns();
+    if (now_ns >= next_second_ns_) {
+      next_second_ns_ = now_ns + kSecond_ns;
+      each_second();
+    }
+    if (stop || now_ns >= next_sync_ns_) {
+      next_sync_ns_ = now_ns + kSync_ns;
+      if (Status status = raw_.sync(); !status.ok()) refused(status);
+    }
+    if (stop) break;
+  }
+  each_second();
+  journal(RunEnded{});
+}
+
+void RecorderThread::write_scans() {
+  // A few of each in turn, so that the log is nearly in order of time even after a stall.
+  constexpr int kInTurn = 4;
+  bool more = true;
+  while (more) {
+    more = false;
+    for (const driver::SensorRole role : {driver::SensorRole::kHorizontal, driver::SensorRole::kVertical}) {
+      driver::ScanRing& ring = *links_.scans[static_cast<std::size_t>(role)];
+      for (int i = 0; i < kInTurn; ++i) {
+        const driver::DeviceScan* const measured = ring.front();
+        if (measured == nullptr) break;
+        write_scan(role, *measured);
+        ring.pop();
+        more = true;
+      }
+    }
+  }
+}
+
+void RecorderThread::write_scan(driver::SensorRole role, const driver::DeviceScan& measured) {
+  const auto i = static_cast<std::size_t>(role);
+  const Scan& scan = stampers_[i].stamp(measured);
+  if (links_.pause.contains(measured.first_beam_mono_ns)) return;
+  const bool sent = scan_every_ > 0 && seen_[i]++ % scan_every_ == 0;
+  const bool written = options_.raw && disk_.load(std::memory_order_relaxed) != DiskState::kLast;
+  if (options_.raw && !written) raw_lost_.fetch_add(1, std::memory_order_relaxed);
+  if (!sent && !written) return;
+  std::vector<std::byte> message = encode_scan(
+      scan, {folder_.cart, folder_.run, static_cast<std::int64_t>(measured.device_ms), measured.first_beam_mono_ns});
+  const std::string& channel = role == driver::SensorRole::kHorizontal ? channels_.scan_h : channels_.scan_v;
+  if (written) {
+    const Status status = raw_.write(channel, folder_.clock.utime_us(measured.arrival_last_mono_ns), message);
+    (status.ok() ? raw_scans_ : raw_lost_).fetch_add(1, std::memory_order_relaxed);
+    if (!status.ok()) refused(status);
+  }
+  if (sent) links_.publisher.post(channel, std::move(message));
+}
+
+void RecorderThread::write_poses() {
+  while (const MappedScan* const mapped = links_.reports.front()) {
+    const ScanReport& report = mapped->report;
+    const Status status = links_.poses.add({report.stamp_us, report.keyframe_scan_index, report.keyframe_from_base,
+                                            report.keyframe_step, report.keyframe, report.keyframe_linked});
+    links_.reports.pop();
+    if (!status.ok()) {
+      poses_failed_.fetch_add(1, std::memory_order_relaxed);
+      refused(status);
+    }
+    reports_.fetch_add(1);
+  }
+}
+
+void RecorderThread::write_submap() {
+  if (unsaved_ == nullptr) {
+    std::optional<FinishedSubmap> finished = links_.mapper.take_finished();
+    if (!finished) return;
+    unsaved_ = std::make_shared<const FinishedSubmap>(std::move(*finished));
+  } else if (monotonic_ns() < next_save_ns_ && !stop_.load(std::memory_order_relaxed)) {
+    return;
+  }
+  const std::uint32_t index = unsaved_->id.index;
+  const Expected<Sha256> hash = links_.archive.save(*unsaved_);
+  if (!hash) {
+    next_save_ns_ = monotonic_ns() + kSecond_ns;
+    refused(hash.error());
+    return;
+  }
+  journal(SubmapSaved{index, *hash});
+  links_.hashes.add(index, *hash);
+  last_submap_.store(index);
+  links_.publisher.hand_over(std::move(unsaved_), *hash);
+  unsaved_ = nullptr;
+  links_.optimizer.announce(index);
+}
+
+void RecorderThread::write_notes() {
+  if (!noted_.exchange(false)) return;
+  std::deque<JournalEvent> notes;
+  {
+    const MutexLock lock(mutex_);
+    notes.swap(notes_);
+  }
+  for (JournalEvent& event : notes) journal(std::move(event));
+}
+
+void RecorderThread::journal(JournalEvent event) {
+  const Status status = links_.journal.append({folder_.clock.utime_us(), std::move(event)});
+  if (!status.ok()) refused(status);
+}
+
+void RecorderThread::each_second() {
+  struct statvfs disk {};
+  if (::statvfs(folder_.path.c_str(), &disk) == 0) {
+    const std::uint64_t free = static_cast<std::uint64_t>(disk.f_bavail) * disk.f_frsize;
+    disk_free_.store(free);
+    disk_.store(free < options_.disk_last_bytes  ? DiskState::kLast
+                : free < options_.disk_low_bytes ? DiskState::kLow
+                                                 : DiskState::kOk);
+  }
+  const MapperState mapper = links_.mapper.state();
+  const ScansShed shed{mapper.skipped, raw_lost_.load() + links_.scans[0]->dropped() + links_.scans[1]->dropped()};
+  if (shed == shed_) return;
+  shed_ = shed;
+  journal(shed);
+}
+
+void RecorderThread::refused(const Status& status) {
+  const MutexLock lock(mutex_);
+  const std::int64_t now_ns = monotonic_ns();
+  // Once for a row of the same; state() shows it meanwhile.
+  if (status.message() != trouble_ || now_ns - trouble_ns_ > kTroubleLasts_ns) log(Severity::kError, status.message());
+  trouble_ = status.message();
+  trouble_ns_ = now_ns;
+}
+
+}  // namespace submapd

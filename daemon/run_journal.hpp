@@ -1,0 +1,106 @@
+// What happened in a run, in order, for ever: the file `journal` (journal-format.md).
+//
+// Append-only, a checksum for each record, on the disk when append() returns. A cut-off last record, as a power cut
+// leaves it, is left out when the file is read. One thread writes.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "slam/base/ids.hpp"
+#include "slam/base/sha256.hpp"
+#include "slam/base/status.hpp"
+
+namespace submapd {
+
+inline constexpr std::uint32_t kJournalVersion = 1;
+inline constexpr std::size_t kMaxJournalText = 1024;
+
+struct RunStarted {
+  std::int64_t wall_minus_mono_ns = 0;  // frozen for the run
+  std::string version;                  // of the program
+  friend bool operator==(const RunStarted&, const RunStarted&) = default;
+};
+struct SubmapSaved {
+  std::uint32_t index = 0;
+  Sha256 hash{};  // of the file in submaps/
+  friend bool operator==(const SubmapSaved&, const SubmapSaved&) = default;
+};
+struct MarkSet {
+  std::int64_t utime_us = 0;  // the instant that is marked
+  std::string name;
+  friend bool operator==(const MarkSet&, const MarkSet&) = default;
+};
+struct MapSaved {
+  std::string name;
+  friend bool operator==(const MapSaved&, const MapSaved&) = default;
+};
+// Scans that were received and not used since the run began.
+struct ScansShed {
+  std::uint64_t not_mapped = 0;
+  std::uint64_t not_recorded = 0;
+  friend bool operator==(const ScansShed&, const ScansShed&) = default;
+};
+struct RunEnded {
+  friend bool operator==(const RunEnded&, const RunEnded&) = default;
+};
+
+struct RunPaused {
+  friend bool operator==(const RunPaused&, const RunPaused&) = default;
+};
+struct RunResumed {
+  friend bool operator==(const RunResumed&, const RunResumed&) = default;
+};
+
+// In the order of their numbers in the file, from 1.
+using JournalEvent =
+    std::variant<RunStarted, SubmapSaved, MarkSet, MapSaved, ScansShed, RunEnded, RunPaused, RunResumed>;
+
+struct JournalRecord {
+  std::int64_t utime_us = 0;  // when it was written
+  JournalEvent event;
+  friend bool operator==(const JournalRecord&, const JournalRecord&) = default;
+};
+
+struct JournalContents {
+  Uuid cart;
+  Uuid run;
+  std::vector<JournalRecord> records;
+  std::size_t whole_bytes = 0;  // up to the end of the last whole record
+};
+
+[[nodiscard]] std::vector<std::byte> encode_journal_header(const Uuid& cart, const Uuid& run);
+// REQUIRES: texts of at most kMaxJournalText bytes.
+[[nodiscard]] std::vector<std::byte> encode_journal_record(const JournalRecord& record);
+
+// Errors: kCorrupt (no journal, another version, or damage before the last record).
+[[nodiscard]] Expected<JournalContents> decode_journal(std::span<const std::byte> bytes);
+
+class RunJournal {
+ public:
+  // Errors: kIo; also if the file exists.
+  [[nodiscard]] static Expected<std::unique_ptr<RunJournal>> create(const std::filesystem::path& path, const Uuid& cart,
+                                                                    const Uuid& run);
+  RunJournal(const RunJournal&) = delete;
+  RunJournal& operator=(const RunJournal&) = delete;
+  ~RunJournal();
+
+  // After an error the file ends with the last whole record.
+  Status append(const JournalRecord& record);
+
+ private:
+  RunJournal(std::filesystem::path path, int fd) : path_(std::move(path)), fd_(fd) {}
+  Status write(std::span<const std::byte> bytes);
+
+  const std::filesystem::path path_;
+  const int fd_;
+  std::int64_t bytes_ = 0;
+};
+
+}  // namespace submapd

@@ -1,0 +1,111 @@
+// The spool of poses while somebody else adds, and the marks that are laid on the optimised path.
+#include "slam/output/run_outputs.hpp"
+
+#include <gtest/gtest.h>
+
+#include <thread>
+
+#include "tests/support/random_submap.hpp"
+#include "tests/unit/output/scratch_folder.hpp"
+
+namespace submapd {
+namespace {
+
+SpooledPose pose_number(std::uint64_t i) {
+  return {static_cast<std::int64_t>(i), i, {static_cast<double>(i), 0.0, 0.0}, {}, false, false};
+}
+
+TEST(PoseSpoolTest, ReadsWhatIsThereWhileMoreIsAdded) {
+  const ScratchFolder folder;
+  const Expected<std::unique_ptr<PoseSpool>> spool = PoseSpool::create(folder.path());
+  ASSERT_TRUE(spool.has_value());
+  EXPECT_EQ(folder.entries(), 0U) << "the file has no name";
+  constexpr std::uint64_t kPoses = 5000;
+  std::thread adder([&] {
+    for (std::uint64_t i = 0; i < kPoses; ++i) ASSERT_TRUE((*spool)->add(pose_number(i)).ok());
+  });
+  std::uint64_t seen = 0;
+  while (seen < kPoses) {
+    seen = (*spool)->size();
+    std::uint64_t next = 0;
+    ASSERT_TRUE((*spool)
+                    ->for_each(seen,
+                               [&](const SpooledPose& pose) {
+                                 EXPECT_EQ(pose.keyframe_scan_index, next);
+                                 EXPECT_EQ(pose.keyframe_from_base.x, static_cast<double>(next++));
+                                 return Status();
+                               })
+                    .ok());
+    ASSERT_EQ(next, seen);
+  }
+  adder.join();
+  const Status told = (*spool)->for_each(10, [](const SpooledPose&) { return Status(StatusCode::kIo, "enough"); });
+  EXPECT_EQ(told.message(), "enough");
+  EXPECT_FALSE((*spool)->for_each(kPoses + 1, [](const SpooledPose&) { return Status(); }).ok());
+}
+
+// Two key-frames, 1 m and 1 s apart, three scans.
+class RunOutputsTest : public testing::Test {
+ protected:
+  class OneSubmap final : public SubmapSource {
+   public:
+    explicit OneSubmap(FinishedSubmap submap) : submap_(std::make_shared<const FinishedSubmap>(std::move(submap))) {}
+    Expected<std::shared_ptr<const FinishedSubmap>> load(std::uint32_t) override { return submap_; }
+
+   private:
+    std::shared_ptr<const FinishedSubmap> submap_;
+  };
+
+  RunOutputsTest() : spool(*PoseSpool::create(folder.path())) {
+    result.submaps = {{0, {}}};
+    result.keyframes = {{0, 1'000'000, {0.0, 0.0, 0.0}}, {40, 2'000'000, {1.0, 0.0, 0.0}}};
+    EXPECT_TRUE(spool->add({1'000'000, 0, {}, {}, true, false}).ok());
+    EXPECT_TRUE(spool->add({1'500'000, 0, {0.4, 0.0, 0.0}, {}, false, false}).ok());
+    EXPECT_TRUE(spool->add({2'000'000, 40, {}, {0.8, 0.0, 0.0}, true, true}).ok());
+  }
+  Expected<RunOutputsSummary> write(std::uint64_t scans, std::vector<Mark> marks) {
+    FinishedSubmap submap = random_submap(1, {{}, {}, 0}, {});
+    submap.keyframes.resize(1);
+    submap.keyframes[0].scan_index = 0;
+    OneSubmap source(std::move(submap));
+    return write_run_outputs({.folder = folder.path(),
+                              .name = "test",
+                              .subtitle = "",
+                              .mapper = options,
+                              .raster_bytes = 1U << 22,
+                              .result = result,
+                              .submaps = source,
+                              .poses = *spool,
+                              .scans = scans,
+                              .marks = std::move(marks)});
+  }
+
+  ScratchFolder folder;
+  std::unique_ptr<PoseSpool> spool;
+  FinalResult result;
+  MapperOptions options;
+};
+
+TEST_F(RunOutputsTest, MarksLieBetweenTheScansAboutThem) {
+  const auto written =
+      write(3, {{"early", 999'999}, {"start", 1'000'001}, {"way", 1'250'000}, {"end", 2'000'000}, {"late", 2'000'001}});
+  ASSERT_TRUE(written.has_value()) << written.error().message();
+  EXPECT_DOUBLE_EQ(written->path_m, 1.0);
+  // The filter saw 0.8 m where the optimised key-frames are 1 m apart: half of the way 0.4 + 0.1.
+  EXPECT_EQ(read_text(folder.path() / "marks.csv"),
+            "name,utime_us,x_m,y_m,yaw_rad\n"
+            "start,1000001,0.000001,0.000000,0.00000000\n"
+            "way,1250000,0.250000,0.000000,0.00000000\n"
+            "end,2000000,1.000000,0.000000,0.00000000\n");
+}
+
+TEST_F(RunOutputsTest, ScansBeyondTheResultAreLeftOut) {
+  result.keyframes.pop_back();
+  EXPECT_EQ(write(3, {}).error().code(), StatusCode::kInternal) << "a key-frame without a pose";
+  const auto written = write(2, {});
+  ASSERT_TRUE(written.has_value()) << written.error().message();
+  EXPECT_FALSE(std::filesystem::exists(folder.path() / "marks.csv"));
+}
+
+}  // namespace
+}  // namespace submapd
