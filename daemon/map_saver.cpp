@@ -14,6 +14,7 @@
 #include "daemon/realtime.hpp"
 #include "daemon/version.hpp"
 #include "slam/submap/submap_archive.hpp"
+#include "slam/submap/with_open_submap.hpp"
 
 namespace submapd {
 namespace {
@@ -22,21 +23,6 @@ constexpr int kTries = 3;                         // the open sub-map may close 
 constexpr std::uint64_t kRoom_bytes = 64U << 20;  // less room on the disk is not worth a try
 constexpr std::chrono::seconds kRecorderPatience{10};
 constexpr std::chrono::milliseconds kLookAgain{10};
-
-// The archive and the open sub-map. With a reader of its own: the optimizer's cache belongs to its thread.
-class SavedSubmaps final : public SubmapSource {
- public:
-  SavedSubmaps(std::unique_ptr<SubmapArchive> archive, std::shared_ptr<const FinishedSubmap> open)
-      : archive_(std::move(archive)), open_(std::move(open)) {}
-  Expected<std::shared_ptr<const FinishedSubmap>> load(std::uint32_t index) override {
-    if (index == open_->id.index) return open_;
-    return archive_->load(index);
-  }
-
- private:
-  const std::unique_ptr<SubmapArchive> archive_;
-  const std::shared_ptr<const FinishedSubmap> open_;
-};
 
 }  // namespace
 
@@ -151,10 +137,11 @@ Status MapSaver::save(const SaveRequest& request) {
   Expected<Solved> solved = solve();
   if (!solved) return solved.error();
   tell(60);
+  // A reader of its own: the optimizer's cache belongs to its thread.
   Expected<std::unique_ptr<SubmapArchive>> archive = SubmapArchive::open(folder_.submaps(), 0);
   if (!archive) return archive.error();
   const std::uint64_t failed = links_.recorder.state().poses_failed;  // are not in the spool
-  SavedSubmaps submaps(std::move(*archive), solved->open);
+  WithOpenSubmap submaps(**archive, solved->open);
   const RunOutputs outputs{.folder = folder->aside(),
                            .name = request.name,
                            .subtitle = fmt::format("submapd {}, run {}", kVersion, folder_.name),

@@ -13,6 +13,7 @@
 #include "slam/graph/internal/loop_policy.hpp"
 #include "slam/graph/internal/loop_search.hpp"
 #include "slam/graph/internal/pair_tools.hpp"
+#include "slam/submap/with_open_submap.hpp"
 
 namespace submapd {
 namespace {
@@ -50,22 +51,6 @@ Status check(const FinishedSubmap* submap, std::size_t expected_index) {
   }
   return {};
 }
-
-// The archive and one sub-map that is not in it yet.
-class WithOpenSubmap final : public SubmapSource {
- public:
-  WithOpenSubmap(SubmapSource& archive, std::shared_ptr<const FinishedSubmap> open)
-      : archive_(archive), open_(std::move(open)) {}
-  Expected<std::shared_ptr<const FinishedSubmap>> load(std::uint32_t index) override {
-    if (index == open_->id.index) return open_;
-    return archive_.load(index);
-  }
-  void release() override { archive_.release(); }
-
- private:
-  SubmapSource& archive_;
-  const std::shared_ptr<const FinishedSubmap> open_;
-};
 
 }  // namespace
 
@@ -249,7 +234,7 @@ Expected<FinalResult> Optimizer::Impl::finish() {
     rejected_pending += static_cast<std::uint64_t>(graph::reject_contradicted(model));
     count();
   }
-  search.release();  // the solver needs the room
+  archive.release();  // the solver needs the room
   graph::TrackGraph track = graph::build_track_graph(model);
   const auto start = std::chrono::steady_clock::now();
   const auto summary = graph::solve_track_graph(track);

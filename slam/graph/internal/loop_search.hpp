@@ -38,9 +38,6 @@ class LoopSearch {
   [[nodiscard]] std::vector<VirtualLandmark> tie_neighbours(const GraphModel& model, const FinishedSubmap& newest,
                                                             std::size_t bytes_left);
 
-  // No search for a while: the source need not keep anything for it.
-  void release() { source_.release(); }
-
   [[nodiscard]] std::uint64_t runs() const { return runs_; }
   [[nodiscard]] std::uint64_t refused() const { return refused_; }
   [[nodiscard]] std::uint64_t refused_for_memory() const { return refused_for_memory_; }
