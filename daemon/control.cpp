@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "daemon/daemon_log.hpp"
+#include "driver/monotonic.hpp"
 
 namespace submapd {
 namespace {
@@ -100,7 +101,7 @@ void Control::on_signal() {
 void Control::on_timer() {
   std::uint64_t expirations = 0;
   if (::read(timer_fd_, &expirations, sizeof expirations) != sizeof expirations) return;
-  const std::int64_t now_ns = monotonic_ns();
+  const std::int64_t now_ns = driver::monotonic_now_ns();
   tell(run_.look(), now_ns);
   tell_waiting();
   server_->look(now_ns);

@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "daemon/control_protocol.hpp"
-#include "daemon/run_clock.hpp"
+#include "driver/monotonic.hpp"
 
 namespace submapd {
 namespace {
@@ -118,7 +118,7 @@ void ControlServer::accept_one() {
     ::close(fd);
     return;
   }
-  clients_[id] = {fd, {id, credentials.pid, credentials.uid}, monotonic_ns(), false};
+  clients_[id] = {fd, {id, credentials.pid, credentials.uid}, driver::monotonic_now_ns(), false};
 }
 
 void ControlServer::serve(std::uint64_t id) {
@@ -129,7 +129,7 @@ void ControlServer::serve(std::uint64_t id) {
   const ssize_t size = ::recv(found->second.fd, packet.data(), packet.size(), MSG_DONTWAIT | MSG_TRUNC);
   if (size < 0 && (errno == EAGAIN || errno == EINTR)) return;
   if (size <= 0) return shut(id);
-  found->second.heard_ns = monotonic_ns();
+  found->second.heard_ns = driver::monotonic_now_ns();
   const ControlPeer peer = found->second.peer;
   if (static_cast<std::size_t>(size) > packet.size()) {
     send(id, refusal("", {StatusCode::kInvalidArgument, "the request is too long"}));
@@ -150,7 +150,7 @@ void ControlServer::keep(std::uint64_t client, bool waits) {
   const auto found = clients_.find(client);
   if (found == clients_.end()) return;
   found->second.waits = waits;
-  found->second.heard_ns = monotonic_ns();
+  found->second.heard_ns = driver::monotonic_now_ns();
 }
 
 void ControlServer::look(std::int64_t now_ns) {

@@ -8,6 +8,7 @@
 
 #include "daemon/multicast_route.hpp"
 #include "daemon/version.hpp"
+#include "driver/monotonic.hpp"
 #include "proto/lcm_message.hpp"
 
 namespace submapd {
@@ -162,7 +163,7 @@ Health LiveRun::look() {
 
 void LiveRun::look_at_scanners(Health& health) {
   const std::vector<driver::ScannerInfo> present = acquisition_.scanners();
-  const std::int64_t now_ns = monotonic_ns();
+  const std::int64_t now_ns = driver::monotonic_now_ns();
   const double since_s = static_cast<double>(now_ns - second_began_ns_) * 1e-9;
   const bool second_over = now_ns - second_began_ns_ >= kSecond_ns;
   if (second_over) second_began_ns_ = now_ns;
@@ -206,14 +207,14 @@ void LiveRun::publish(const Health& health) {
 Status LiveRun::pause() {
   if (pause_.paused()) return {};
   if (!recorder_->note(RunPaused{})) return {StatusCode::kUnavailable, "the disk does not keep up; try again"};
-  pause_.pause(monotonic_ns());
+  pause_.pause(driver::monotonic_now_ns());
   return {};
 }
 
 Status LiveRun::resume() {
   if (!pause_.paused()) return {};
   if (!recorder_->note(RunResumed{})) return {StatusCode::kUnavailable, "the disk does not keep up; try again"};
-  pause_.resume(monotonic_ns());
+  pause_.resume(driver::monotonic_now_ns());
   return {};
 }
 

@@ -7,6 +7,7 @@
 #include "daemon/daemon_log.hpp"
 #include "daemon/multicast_route.hpp"
 #include "daemon/realtime.hpp"
+#include "driver/monotonic.hpp"
 #include "proto/graph_conversion.hpp"
 #include "proto/lcm_message.hpp"
 #include "submapd/pose_t.hpp"
@@ -95,7 +96,7 @@ void PublisherThread::run() {
 }
 
 void PublisherThread::seek_network() {
-  if (good_.load(std::memory_order_relaxed) || monotonic_ns() < next_try_ns_) return;
+  if (good_.load(std::memory_order_relaxed) || driver::monotonic_now_ns() < next_try_ns_) return;
   if (has_multicast_route(options_.url)) lcm_ = std::make_unique<lcm::LCM>(options_.url);
   if (lcm_ != nullptr && lcm_->good()) {
     SubmapPublisherOptions paced;
@@ -110,7 +111,7 @@ void PublisherThread::seek_network() {
     log(Severity::kWarning,
         "no network for LCM at " + options_.url + ": mapping goes on; a route helps: ip route add 224.0.0.0/4 dev lo");
   }
-  next_try_ns_ = monotonic_ns() + patience_ns_;
+  next_try_ns_ = driver::monotonic_now_ns() + patience_ns_;
   patience_ns_ = std::min(2 * patience_ns_, kLongestPatience_ns);
 }
 
@@ -147,7 +148,7 @@ void PublisherThread::send_pose(const MappedScan& mapped) {
 }
 
 void PublisherThread::note_latency(std::int64_t arrived_ns) {
-  const auto took_ms = static_cast<float>(static_cast<double>(monotonic_ns() - arrived_ns) * 1e-6);
+  const auto took_ms = static_cast<float>(static_cast<double>(driver::monotonic_now_ns() - arrived_ns) * 1e-6);
   if (latencies_ms_.size() < kLatencies) {
     latencies_ms_.push_back(took_ms);
   } else {

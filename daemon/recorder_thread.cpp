@@ -8,6 +8,7 @@
 
 #include "daemon/daemon_log.hpp"
 #include "daemon/realtime.hpp"
+#include "driver/monotonic.hpp"
 #include "proto/scan_conversion.hpp"
 
 namespace submapd {
@@ -53,7 +54,7 @@ RecorderState RecorderThread::state() const {
   RecorderState state{raw_scans_.load(),    raw_lost_.load(),  last_submap_.load(), reports_.load(),
                       poses_failed_.load(), disk_free_.load(), disk_.load(),        {}};
   const MutexLock lock(mutex_);
-  if (monotonic_ns() - trouble_ns_ < kTroubleLasts_ns) state.trouble = trouble_;
+  if (driver::monotonic_now_ns() - trouble_ns_ < kTroubleLasts_ns) state.trouble = trouble_;
   return state;
 }
 
@@ -71,7 +72,7 @@ void RecorderThread::run() {
     write_poses();
     write_submap();
     write_notes();
-    const std::int64_t now_ns = monotonic_ns();
+    const std::int64_t now_ns = driver::monotonic_now_ns();
     if (now_ns >= next_second_ns_) {
       next_second_ns_ = now_ns + kSecond_ns;
       each_second();
@@ -143,13 +144,13 @@ void RecorderThread::write_submap() {
     std::optional<FinishedSubmap> finished = links_.mapper.take_finished();
     if (!finished) return;
     unsaved_ = std::make_shared<const FinishedSubmap>(std::move(*finished));
-  } else if (monotonic_ns() < next_save_ns_ && !stop_.load(std::memory_order_relaxed)) {
+  } else if (driver::monotonic_now_ns() < next_save_ns_ && !stop_.load(std::memory_order_relaxed)) {
     return;
   }
   const std::uint32_t index = unsaved_->id.index;
   const Expected<Sha256> hash = links_.archive.save(*unsaved_);
   if (!hash) {
-    next_save_ns_ = monotonic_ns() + kSecond_ns;
+    next_save_ns_ = driver::monotonic_now_ns() + kSecond_ns;
     refused(hash.error());
     return;
   }
@@ -194,7 +195,7 @@ void RecorderThread::each_second() {
 
 void RecorderThread::refused(const Status& status) {
   const MutexLock lock(mutex_);
-  const std::int64_t now_ns = monotonic_ns();
+  const std::int64_t now_ns = driver::monotonic_now_ns();
   // Once for a row of the same; state() shows it meanwhile.
   if (status.message() != trouble_ || now_ns - trouble_ns_ > kTroubleLasts_ns) log(Severity::kError, status.message());
   trouble_ = status.message();

@@ -6,24 +6,20 @@
 #include <chrono>
 #include <cstdint>
 
-namespace submapd {
+#include "driver/monotonic.hpp"
 
-// CLOCK_MONOTONIC in nanoseconds, as the driver stamps.
-[[nodiscard]] inline std::int64_t monotonic_ns() {
-  return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now().time_since_epoch())
-      .count();
-}
+namespace submapd {
 
 class RunClock {
  public:
   explicit RunClock(std::int64_t wall_minus_mono_ns) : offset_ns_(wall_minus_mono_ns) {}
   [[nodiscard]] static RunClock now() {
     const auto wall = std::chrono::system_clock::now().time_since_epoch();
-    return RunClock(std::chrono::duration_cast<std::chrono::nanoseconds>(wall).count() - monotonic_ns());
+    return RunClock(std::chrono::duration_cast<std::chrono::nanoseconds>(wall).count() - driver::monotonic_now_ns());
   }
 
   [[nodiscard]] std::int64_t utime_us(std::int64_t mono_ns) const { return (mono_ns + offset_ns_) / 1000; }
-  [[nodiscard]] std::int64_t utime_us() const { return utime_us(monotonic_ns()); }
+  [[nodiscard]] std::int64_t utime_us() const { return utime_us(driver::monotonic_now_ns()); }
   [[nodiscard]] std::int64_t offset_ns() const { return offset_ns_; }
 
  private:

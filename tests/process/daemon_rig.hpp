@@ -125,7 +125,7 @@ class DaemonRig {
     const auto world = std::make_shared<const tools::World>(tools::office_world());
     front.reset();
     front = std::make_unique<tools::UmockdevFront>();
-    start_ns_ = monotonic_ns() + kStands_ns;
+    start_ns_ = driver::monotonic_now_ns() + kStands_ns;
     for (std::size_t i = 0; i < 2; ++i) {
       tools::EmulatedScanner scanner;
       scanner.port = i == 0 ? "1-1" : "1-2";

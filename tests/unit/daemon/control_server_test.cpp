@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "daemon/control_protocol.hpp"
-#include "daemon/run_clock.hpp"
+#include "driver/monotonic.hpp"
 #include "tests/support/temporary_folder.hpp"
 #include "tools/control/control_client.hpp"
 
@@ -47,7 +47,7 @@ class ControlServerTest : public testing::Test {
       loop_.stop();
       return "";
     }
-    if (packet == "\"look\"") server_->look(monotonic_ns() + 2 * options_.idle_ns);
+    if (packet == "\"look\"") server_->look(driver::monotonic_now_ns() + 2 * options_.idle_ns);
     if (packet == "\"keep\"") server_->keep(peer.client, true);
     if (packet == "\"twice\"") server_->send(peer.client, reply("1", ReplyState::kWorking, "", json::object()));
     return reply("", ReplyState::kDone, std::string(packet), {{"pid", peer.pid}, {"clients", server_->clients()}});
