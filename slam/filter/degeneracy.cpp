@@ -1,6 +1,6 @@
 #include "slam/filter/degeneracy.hpp"
 
-#include <Eigen/Eigenvalues>
+#include "slam/base/small_matrix.hpp"
 
 namespace submapd {
 
@@ -14,23 +14,22 @@ void DegeneracyMonitor::update(const Eigen::Matrix3d& information, int associate
   if (active_) time_s_ += step_s;
   if (associated < options_.min_associated) return;
   const Eigen::Matrix2d block = information.topLeftCorner<2, 2>();
-  Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen;
-  eigen.computeDirect(block);
+  const PrincipalAxes<2> principal = principal_axes(block);
   const double floor = options_.normal_noise_share * block.trace();
-  const double low = std::max(eigen.eigenvalues()(0) - floor, 0.0);
-  const double high = std::max(eigen.eigenvalues()(1) - floor, 1e-9);
+  const double low = std::max(principal.values(0) - floor, 0.0);
+  const double high = std::max(principal.values(1) - floor, 1e-9);
   const double ratio = low / high;
   if (!active_) {
     if (ratio < options_.enter_ratio) {
       active_ = true;
       good_scans_ = 0;
       time_s_ = 0.0;
-      axis_ = eigen.eigenvectors().col(0);
+      axis_ = principal.axes.col(0);
     }
     return;
   }
   good_scans_ = ratio > options_.leave_ratio ? good_scans_ + 1 : 0;
-  if (ratio < options_.enter_ratio) axis_ = eigen.eigenvectors().col(0);
+  if (ratio < options_.enter_ratio) axis_ = principal.axes.col(0);
   if (good_scans_ >= options_.leave_scans) reset();
 }
 

@@ -1,12 +1,12 @@
 #include "slam/filter/mapper.hpp"
 
-#include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <utility>
 
+#include "slam/base/small_matrix.hpp"
 #include "slam/filter/internal/odometry_gate.hpp"
 #include "slam/filter/internal/scan_registration.hpp"
 #include "slam/filter/internal/submap_window.hpp"
@@ -200,7 +200,7 @@ struct Mapper::Impl {
       return;
     }
     CounterRandom random(options.seed, scan_index, index);
-    const Eigen::Matrix3d root = p.covariance.llt().matrixL();
+    const Eigen::Matrix3d root = cholesky_root(p.covariance);
     // One by one: in what order the arguments of a call are drawn depends on the compiler.
     Eigen::Vector3d z;
     for (const int axis : {2, 1, 0}) z(axis) = random.gaussian();

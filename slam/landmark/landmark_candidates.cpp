@@ -1,12 +1,11 @@
 #include "slam/landmark/landmark_candidates.hpp"
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
 
+#include "slam/base/small_matrix.hpp"
 #include "slam/grid/surface_map.hpp"
 
 namespace submapd {
@@ -43,13 +42,13 @@ Eigen::Matrix2d pair_information(const Eigen::Vector2d& normal, bool line, doubl
 // Inflated covariance of a spot whose surroundings gave `information`: short across a wall, long along it.
 Eigen::Matrix2d spot_covariance(const Eigen::Matrix2d& information, double inflation) {
   const double noise = kNormalNoiseShare * information.trace();
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(information / inflation);
+  const PrincipalAxes<2> principal = principal_axes(Eigen::Matrix2d(information / inflation));
   Eigen::Vector2d variance;
   for (int k = 0; k < 2; ++k) {
-    const double value = std::max(0.0, solver.eigenvalues()[k] - noise / inflation);
+    const double value = std::max(0.0, principal.values[k] - noise / inflation);
     variance[k] = 1.0 / (value + 1.0 / (kAlongSigma_m * kAlongSigma_m)) + kFloorSigma_m * kFloorSigma_m;
   }
-  return solver.eigenvectors() * variance.asDiagonal() * solver.eigenvectors().transpose();
+  return principal.axes * variance.asDiagonal() * principal.axes.transpose();
 }
 
 // Wants free space in front, where a scanner looked from, and not the ragged rim of what is known.
@@ -169,7 +168,7 @@ std::optional<LandmarkPlace> refine_place(const LandmarkCandidate& candidate, co
       return std::nullopt;
     }
     const Eigen::Matrix2d prior = Eigen::Matrix2d::Identity() / (kPriorSigma_m * kPriorSigma_m);
-    shift -= (information + prior).ldlt().solve(Eigen::Vector2d(gradient + prior * shift));
+    shift -= solve_definite(Eigen::Matrix2d(information + prior), Eigen::Vector2d(gradient + prior * shift));
   }
   const double residual = std::sqrt(square_sum / static_cast<double>(pairs));
   if (shift.norm() > kMaxShift_m || residual > max_residual_m) {

@@ -1,7 +1,5 @@
 #include "slam/loop/submap_matcher.hpp"
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -11,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "slam/base/small_matrix.hpp"
 #include "slam/grid/surface_map.hpp"
 #include "slam/loop/internal/match_grid.hpp"
 #include "slam/loop/internal/placement_search.hpp"
@@ -57,14 +56,14 @@ Confidence judge_information(const Alignment& alignment, const SubmapMatcherOpti
   const Eigen::DiagonalMatrix<double, 3> scale(1.0, 1.0, 1.0 / arm);
   const Eigen::Matrix3d scaled = scale * alignment.information * scale / (2.0 * options.information_inflation);
   const double noise = kNormalNoiseShare * scaled.topLeftCorner<2, 2>().trace();
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(scaled);
+  const PrincipalAxes<3> principal = principal_axes(scaled);
 
   Confidence confidence;
   Eigen::Matrix3d about_pivot = Eigen::Matrix3d::Zero();
   const double least = 1.0 / (kLostSigma_m * kLostSigma_m);
   for (int k = 0; k < 3; ++k) {
-    const double information = std::max(solver.eigenvalues()[k] - noise, least);
-    const Eigen::Vector3d direction = solver.eigenvectors().col(k);
+    const double information = std::max(principal.values[k] - noise, least);
+    const Eigen::Vector3d direction = principal.axes.col(k);
     about_pivot += direction * direction.transpose() / information;
     if (1.0 / std::sqrt(information) > kWeakSigma_m) {
       confidence.weak = true;
@@ -135,7 +134,7 @@ double prior_distance2(const SubmapMatch& match, const MatchPrior& prior) {
   const Eigen::Vector3d difference(match.a_from_b.x - prior.a_from_b.x, match.a_from_b.y - prior.a_from_b.y,
                                    wrap_angle(match.a_from_b.yaw - prior.a_from_b.yaw));
   const Eigen::Matrix3d covariance = prior.covariance + match.covariance;
-  return difference.dot(covariance.ldlt().solve(difference));
+  return difference.dot(solve_definite(covariance, difference));
 }
 
 bool is_tight(const MatchPrior& prior) {

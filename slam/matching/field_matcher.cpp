@@ -1,7 +1,8 @@
 #include "slam/matching/field_matcher.hpp"
 
-#include <Eigen/Cholesky>
 #include <cmath>
+
+#include "slam/base/small_matrix.hpp"
 
 namespace submapd {
 namespace {
@@ -51,7 +52,7 @@ Eigen::Vector3d solve_step(const NormalEquations& equations, double kappa, const
   // The small diagonal keeps the system solvable when neither map nor prior says anything.
   Eigen::Matrix3d A = equations.H / kappa + prior.information;
   A.diagonal().array() += 1e-6;
-  return A.ldlt().solve(-(equations.g / kappa + prior.information * off));
+  return solve_definite(A, -(equations.g / kappa + prior.information * off));
 }
 
 MatchResult match_field(std::span<const ScanPoint> points, const DistanceView& field, double cell_m, const Pose2& start,

@@ -1,8 +1,9 @@
 #include "slam/loop/internal/surface_alignment.hpp"
 
-#include <Eigen/Cholesky>
 #include <array>
 #include <cmath>
+
+#include "slam/base/small_matrix.hpp"
 
 namespace submapd::internal {
 namespace {
@@ -55,7 +56,7 @@ class NormalEquations {
     const double radius2 = rms_radius() * rms_radius() + 1.0;
     const double hold = 1e-4 * (H_(0, 0) + H_(1, 1)) + 1.0;
     const Eigen::Vector3d damping(hold, hold, hold * radius2);
-    return -(H_ + Eigen::Matrix3d(damping.asDiagonal())).ldlt().solve(g_);
+    return -solve_definite(H_ + Eigen::Matrix3d(damping.asDiagonal()), g_);
   }
 
  private:

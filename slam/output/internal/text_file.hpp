@@ -5,9 +5,6 @@
 
 #include <cstddef>
 #include <filesystem>
-#include <iterator>
-#include <string_view>
-#include <utility>
 
 #include "slam/base/atomic_file.hpp"
 #include "slam/base/status.hpp"
@@ -20,23 +17,17 @@ class TextFile {
 
   template <typename... Args>
   Status print(fmt::format_string<Args...> format, Args&&... args) {
-    fmt::format_to(std::back_inserter(buffer_), format, std::forward<Args>(args)...);
-    return buffer_.size() < kPiece_bytes ? Status() : flush();
+    return append(format, fmt::make_format_args(args...));
   }
 
-  Status commit() {
-    if (Status status = flush(); !status.ok()) return status;
-    return file_.commit();
-  }
+  Status commit();
 
  private:
   static constexpr std::size_t kPiece_bytes = 64U << 10;
 
-  Status flush() {
-    Status status = file_.write(std::string_view(buffer_.data(), buffer_.size()));
-    buffer_.clear();
-    return status;
-  }
+  // Formats in a file of its own: in a header each user would compile all of fmt.
+  Status append(fmt::string_view format, fmt::format_args args);
+  Status flush();
 
   AtomicFile file_;
   fmt::memory_buffer buffer_;

@@ -1,6 +1,5 @@
 #include "tests/unit/loop/synthetic_submap.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -10,6 +9,7 @@
 #include <utility>
 
 #include "slam/base/random.hpp"
+#include "slam/base/small_matrix.hpp"
 
 namespace submapd::testing {
 namespace {
@@ -137,16 +137,16 @@ class Builder {
   static SurfacePoint point_of(const Statistics& own, const Statistics& pooled) {
     const Eigen::Vector2d mean = own.sum / own.hits;
     const Eigen::Vector2d middle = pooled.sum / pooled.hits;
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(
-        Eigen::Matrix2d(pooled.square / pooled.hits - middle * middle.transpose()));
+    const PrincipalAxes<2> principal =
+        principal_axes(Eigen::Matrix2d(pooled.square / pooled.hits - middle * middle.transpose()));
     SurfacePoint point;
     point.x = static_cast<float>(mean.x());
     point.y = static_cast<float>(mean.y());
     point.hits = static_cast<std::uint16_t>(std::min(own.hits, 65535));
     point.keyframes = static_cast<std::uint16_t>(own.keyframes);
     point.view_sectors = own.sectors;
-    const double across = std::max(0.0, solver.eigenvalues()[0]);
-    const double along = std::max(0.0, solver.eigenvalues()[1]);
+    const double across = std::max(0.0, principal.values[0]);
+    const double along = std::max(0.0, principal.values[1]);
     point.sigma_m = static_cast<float>(std::sqrt(across));
     if (pooled.hits >= 4 && across < 0.1 * along) {
       Eigen::Vector2d normal = solver.eigenvectors().col(0);
