@@ -62,6 +62,16 @@ Key path_key(std::string_view section, std::string_view name, std::string_view m
                   });
 }
 
+// A path, or nothing.
+Key optional_path_key(std::string_view section, std::string_view name, std::string_view meaning, std::string* field) {
+  return text_key(section, name, meaning, field, "empty, or an absolute path of at most 100 printable characters",
+                  [](std::string_view value) {
+                    return value.empty() ||
+                           (value.starts_with('/') && value.size() <= 100 &&
+                            std::all_of(value.begin(), value.end(), [](char c) { return c > ' ' && c < '\x7f'; }));
+                  });
+}
+
 Key prefix_key(std::string_view section, std::string_view name, std::string_view meaning, std::string* field) {
   return text_key(section, name, meaning, field, "1 to 40 letters, digits and underscores", [](std::string_view value) {
     return !value.empty() && value.size() <= 40 &&
@@ -75,6 +85,10 @@ Key url_key(std::string_view section, std::string_view name, std::string_view me
                     return value.starts_with("udpm://") && value.size() <= 100 &&
                            std::all_of(value.begin(), value.end(), [](char c) { return c > ' ' && c < '\x7f'; });
                   });
+}
+
+std::string mode_name(FilterMode mode) {
+  return mode == FilterMode::kRbpf ? "rbpf" : mode == FilterMode::kFastSlam ? "fastslam" : "adaptive";
 }
 
 std::vector<Key> keys_of(Configuration& c) {
@@ -94,6 +108,13 @@ std::vector<Key> keys_of(Configuration& c) {
   add("scanner", "intensity", "", 0, 0, &c.scanner.intensity, "ask for echo strengths, too much for some firmware");
   add("scanner", "stamp_to_first_beam", "us", -25'000, 25'000, &c.scanner.stamp_to_first_beam_us,
       "the first beam comes this long after the stamp");
+  ScannerMount& mount = c.scanner.vertical_mount;
+  add("scanner", "vertical_x", "m", -10, 10, &mount.x_m, "the upright one is this far in front of the one that maps");
+  add("scanner", "vertical_y", "m", -10, 10, &mount.y_m, "this far to its left");
+  add("scanner", "vertical_z", "m", -10, 10, &mount.z_m, "and this high above the floor, from where the cloud counts");
+  add("scanner", "vertical_roll", "rad", -3.2, 3.2, &mount.roll_rad, "turned about the cart's forward axis, first");
+  add("scanner", "vertical_pitch", "rad", -3.2, 3.2, &mount.pitch_rad, "then about its left axis; upright is -pi/2");
+  add("scanner", "vertical_yaw", "rad", -3.2, 3.2, &mount.yaw_rad, "then about its upward axis");
   keys.push_back(path_key("daemon", "state", "folder of the runs and of the cart's identity", &c.daemon.state));
   keys.push_back(path_key("daemon", "control_socket", "where submapctl asks", &c.daemon.control_socket));
   keys.push_back(short_text_key("daemon", "control_group", "who may ask; empty for the daemon's own group",
@@ -102,11 +123,18 @@ std::vector<Key> keys_of(Configuration& c) {
   keys.push_back(url_key("lcm", "url", "multicast group", &c.lcm.url));
   keys.push_back(prefix_key("lcm", "prefix", "of all channels", &c.lcm.prefix));
   add("lcm", "scan_every", "", 0, 4000, &c.lcm.scan_every, "each so many-th scan is sent; 0 for none");
+  add("lcm", "triggers", "", 0, 0, &c.lcm.triggers, "messages on CART_TRIGGER set marks");
+  add("lcm", "commands", "", 0, 0, &c.lcm.commands, "messages on CART_COMMAND are obeyed, whoever sends them");
   add("recorder", "raw", "", 0, 0, &c.recorder.raw, "write all scans of both scanners");
   add("recorder", "raw_file", "bytes", 1 << 16, 1e12, &c.recorder.raw_file_bytes, "then the next raw file begins");
   add("recorder", "disk_low", "bytes", 0, 1e13, &c.recorder.disk_low_bytes, "less room on the disk is told");
   add("recorder", "disk_last", "bytes", 0, 1e13, &c.recorder.disk_last_bytes,
       "with less, raw recording stops; sub-maps and maps go on");
+  keys.push_back(optional_path_key("button", "device", "input device whose key saves the map", &c.button.device));
+  add("button", "key", "", 1, 767, &c.button.key, "the key's code as in linux/input-event-codes.h; 28 is Enter");
+  add("button", "cloud", "", 0, 0, &c.button.cloud, "the saved map has a cloud");
+  keys.push_back(optional_path_key("hook", "command", "program that is told how saving went", &c.hook.command));
+  add("hook", "longest", "s", 1, 300, &c.hook.longest_s, "then it is killed");
   keys.push_back({"filter", "mode", "", "particle filter: adaptive, rbpf (fixed number) or fastslam (textbook)", 0, 0,
                   [&m](std::string_view value) {
                     if (value == "adaptive")
@@ -119,7 +147,7 @@ std::vector<Key> keys_of(Configuration& c) {
                       return false;
                     return true;
                   },
-                  "one of adaptive, rbpf, fastslam", "adaptive"});
+                  "one of adaptive, rbpf, fastslam", mode_name(m.filter)});
   add("filter", "particles", "", 1, 500, &m.particles, "number of particles of rbpf and fastslam");
   add("filter", "max_adaptive_particles", "", 1, 500, &m.max_adaptive_particles, "most particles adaptive may spread");
   add("filter", "seed", "", 0, 9e15, &m.seed, "of all random numbers");
@@ -192,7 +220,8 @@ bool assign(const Key& key, const toml::node& node) {
   return true;
 }
 
-std::string default_text(const Key& key) {
+// The field's value as it would stand in a file.
+std::string value_text(const Key& key) {
   if (bool* const* flag = std::get_if<bool*>(&key.field)) return **flag ? "true" : "false";
   if (double* const* real = std::get_if<double*>(&key.field)) return fmt::format("{:.6g}", **real);
   if (int* const* number = std::get_if<int*>(&key.field)) return fmt::format("{}", **number);
@@ -201,6 +230,18 @@ std::string default_text(const Key& key) {
 }
 
 }  // namespace
+
+std::vector<std::string> changed_keys(const Configuration& before, const Configuration& after) {
+  Configuration copies[] = {before, after};
+  const std::vector<Key> old_keys = keys_of(copies[0]);
+  const std::vector<Key> new_keys = keys_of(copies[1]);
+  std::vector<std::string> changed;
+  for (std::size_t i = 0; i < old_keys.size(); ++i) {
+    if (value_text(old_keys[i]) == value_text(new_keys[i])) continue;
+    changed.push_back(fmt::format("{}.{}", old_keys[i].section, old_keys[i].name));
+  }
+  return changed;
+}
 
 Expected<Configuration> parse_configuration(std::string_view text, std::string_view name) {
   Configuration configuration;
@@ -269,7 +310,7 @@ std::string describe_configuration() {
       out += fmt::format("{}[{}]\n", section.empty() ? "" : "\n", key.section);
       section = key.section;
     }
-    out += fmt::format("# {}: {}\n{} = {}\n", key.meaning, allowed(key), key.name, default_text(key));
+    out += fmt::format("# {}: {}\n{} = {}\n", key.meaning, allowed(key), key.name, value_text(key));
   }
   return out;
 }

@@ -8,10 +8,12 @@
 #include <cstdint>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "driver/sensor_roles.hpp"
 #include "slam/base/status.hpp"
 #include "slam/filter/mapper.hpp"
+#include "slam/output/point_cloud.hpp"
 
 namespace submapd {
 
@@ -19,6 +21,7 @@ struct ScannerConfiguration {
   driver::RoleRules roles;              // nobody has a role until it is configured
   bool intensity = false;               // ask for echo strengths too, which some firmware does not stand
   double stamp_to_first_beam_us = 0.0;  // the first beam comes that long after the instant of the stamp
+  ScannerMount vertical_mount;          // of the vertical one, for the cloud
 };
 
 struct DaemonConfiguration {
@@ -34,6 +37,21 @@ struct LcmConfiguration {
   std::string url = "udpm://239.255.76.67:7667?ttl=0";
   std::string prefix = "CART";  // of all channels
   int scan_every = 4;           // each so many-th scan goes out; 0: none
+  bool triggers = false;        // CART_TRIGGER sets marks
+  bool commands = false;        // CART_COMMAND is obeyed, whoever sends it
+};
+
+// A key that saves the map: of a USB keypad, a foot switch.
+struct ButtonConfiguration {
+  std::string device;  // /dev/input/by-id/...; empty: none
+  int key = 28;        // KEY_ENTER of linux/input-event-codes.h
+  bool cloud = false;  // with cloud.ply
+};
+
+// A program that tells the operator how it went: a tone, a lamp.
+struct HookConfiguration {
+  std::string command;  // empty: none
+  int longest_s = 10;   // then it is killed
 };
 
 struct RecorderConfiguration {
@@ -48,6 +66,8 @@ struct Configuration {
   DaemonConfiguration daemon;
   LcmConfiguration lcm;
   RecorderConfiguration recorder;
+  ButtonConfiguration button;
+  HookConfiguration hook;
   MapperOptions mapper;
   std::size_t submap_cache_bytes = std::size_t{16} << 20;
   std::size_t graph_bytes = std::size_t{16} << 20;
@@ -58,6 +78,9 @@ struct Configuration {
 [[nodiscard]] Expected<Configuration> load_configuration(const std::string& path);
 // The same from text; `name` stands for the file in messages.
 [[nodiscard]] Expected<Configuration> parse_configuration(std::string_view text, std::string_view name);
+
+// "section.key" of everything that differs, in the order of the file.
+[[nodiscard]] std::vector<std::string> changed_keys(const Configuration& before, const Configuration& after);
 
 // Every key with its unit, range and default, as a commented TOML file.
 [[nodiscard]] std::string describe_configuration();

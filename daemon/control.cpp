@@ -1,5 +1,6 @@
 #include "daemon/control.hpp"
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <sys/epoll.h>
 #include <sys/signalfd.h>
@@ -7,6 +8,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cstring>
 #include <nlohmann/json.hpp>
@@ -21,15 +23,20 @@ namespace {
 
 constexpr std::int64_t kSecond_ns = 1'000'000'000;
 constexpr std::int64_t kLook_ns = kSecond_ns / 10;
+constexpr std::int64_t kButtonLook_ns = 2 * kSecond_ns;
 
 std::string reply_of(const std::string& id, const SaveProgress& progress) {
   if (progress.state == SaveState::kFailed) return refusal(id, progress.status);
   const bool done = progress.state == SaveState::kDone;
   nlohmann::json extra = {{"name", progress.name}, {"progress", progress.percent}};
   if (done) extra["path"] = progress.path;
-  return reply(id, done ? ReplyState::kDone : ReplyState::kWorking,
-               done ? "saved " + progress.path : fmt::format("saving {}, {} %", progress.name, progress.percent),
-               std::move(extra));
+  std::string words = done ? (progress.picture_only ? "drawn" : "saved " + progress.path)
+                           : fmt::format("saving {}, {} %", progress.name, progress.percent);
+  if (progress.cloud_bytes > 0) {
+    extra["cloud_bytes"] = progress.cloud_bytes;
+    words += fmt::format(", cloud of {:.1f} MB", 1e-6 * static_cast<double>(progress.cloud_bytes));
+  }
+  return reply(id, done ? ReplyState::kDone : ReplyState::kWorking, words, std::move(extra));
 }
 
 }  // namespace
@@ -43,8 +50,8 @@ sigset_t control_signals() {
   return signals;
 }
 
-Control::Control(const Configuration& configuration, LiveRun& run, ServiceManager& service)
-    : run_(run), service_(service) {
+Control::Control(Configuration& configuration, std::string path, LiveRun& run, ServiceManager& service)
+    : configuration_(configuration), path_(std::move(path)), run_(run), service_(service), hook_(configuration.hook) {
   const sigset_t signals = control_signals();
   signal_fd_ = ::signalfd(-1, &signals, SFD_CLOEXEC | SFD_NONBLOCK);
   timer_fd_ = ::timerfd_create(CLOCK_MONOTONIC, TFD_CLOEXEC | TFD_NONBLOCK);
@@ -60,10 +67,17 @@ Control::Control(const Configuration& configuration, LiveRun& run, ServiceManage
       loop_, options, [this](std::string_view packet, const ControlPeer& peer) { return answer(packet, peer); });
   if (!server) throw std::runtime_error(server.error().message());
   server_ = std::move(*server);
+  button_ = std::make_unique<MapButton>(loop_, configuration.button, [this] { on_button(); });
+  if (configuration.lcm.triggers || configuration.lcm.commands) {
+    inputs_ = std::make_unique<LcmInputs>(configuration.lcm);
+    add(inputs_->fd(), [this](std::uint32_t) { on_input(); });
+  }
 }
 
 Control::~Control() {
   server_.reset();
+  button_.reset();
+  if (inputs_ != nullptr) loop_.remove(inputs_->fd());
   for (const int fd : {signal_fd_, timer_fd_}) {
     if (fd < 0) continue;
     loop_.remove(fd);
@@ -89,8 +103,7 @@ void Control::on_signal() {
   signalfd_siginfo info{};
   if (::read(signal_fd_, &info, sizeof info) != sizeof info) return;
   if (info.ssi_signo == SIGHUP) {
-    // Pools, rings and sockets are made once; a run's options are part of what replay repeats.
-    log(Severity::kWarning, "SIGHUP: the configuration is read at the start only; restart submapd to take it");
+    on_hangup();
     return;
   }
   log(Severity::kInfo, fmt::format("signal {}: the run ends", info.ssi_signo));
@@ -98,17 +111,81 @@ void Control::on_signal() {
   loop_.stop();
 }
 
+// Pools, rings and sockets are made once, and a run's options are part of what replay repeats: they stay.
+void Control::on_hangup() {
+  const Expected<Configuration> read = load_configuration(path_);
+  if (!read) {
+    log(Severity::kError, "SIGHUP: nothing is changed: " + read.error().message());
+    return;
+  }
+  constexpr std::array<std::string_view, 6> kMount = {"scanner.vertical_x",     "scanner.vertical_y",
+                                                      "scanner.vertical_z",     "scanner.vertical_roll",
+                                                      "scanner.vertical_pitch", "scanner.vertical_yaw"};
+  std::vector<std::string> taken;
+  std::vector<std::string> refused;
+  for (const std::string& key : changed_keys(configuration_, *read)) {
+    const bool can_change = key.starts_with("button.") || key.starts_with("hook.") ||
+                            std::find(kMount.begin(), kMount.end(), key) != kMount.end();
+    (can_change ? taken : refused).push_back(key);
+  }
+  configuration_.button = read->button;
+  configuration_.hook = read->hook;
+  configuration_.scanner.vertical_mount = read->scanner.vertical_mount;
+  button_->configure(configuration_.button);
+  hook_.configure(configuration_.hook);
+  run_.saver().set_mount(configuration_.scanner.vertical_mount);
+  log(Severity::kInfo, taken.empty() ? "SIGHUP: nothing new that can be taken while it runs"
+                                     : fmt::format("SIGHUP: taken: {}", fmt::join(taken, ", ")));
+  if (!refused.empty()) {
+    log(Severity::kWarning,
+        fmt::format("SIGHUP: stays as it was until submapd is restarted: {}", fmt::join(refused, ", ")));
+  }
+}
+
+void Control::on_button() {
+  log(Severity::kInfo, "the button is pressed");
+  ControlRequest request;
+  request.verb = ControlVerb::kSaveMap;
+  request.cloud = configuration_.button.cloud;
+  if (const Expected<SaveProgress> started = start_save(request); !started) {
+    log(Severity::kWarning, "the button saves nothing: " + started.error().message());
+  }
+}
+
+void Control::on_input() {
+  while (const std::optional<ControlRequest> request = inputs_->take()) {
+    const std::string reply = answer_request(*request, {});
+    if (request->verb != ControlVerb::kMark) {
+      log(Severity::kInfo, fmt::format("{} {} by LCM: {}", verb_name(request->verb), request->name, reply));
+    }
+  }
+}
+
 void Control::on_timer() {
   std::uint64_t expirations = 0;
   if (::read(timer_fd_, &expirations, sizeof expirations) != sizeof expirations) return;
   const std::int64_t now_ns = driver::monotonic_now_ns();
-  tell(run_.look(), now_ns);
+  if (now_ns - looked_at_button_ns_ >= kButtonLook_ns) {
+    looked_at_button_ns_ = now_ns;
+    button_->look();
+  }
+  tell(look(), now_ns);
   tell_waiting();
   server_->look(now_ns);
   if (service_.watchdog_ns() > 0 && now_ns - fed_ns_ >= service_.watchdog_ns() && run_.all_moved()) {
     fed_ns_ = now_ns;
     service_.feed_watchdog();
   }
+}
+
+Health Control::look() {
+  Health health = run_.look();
+  health.clients = server_->counters();
+  health.hook_failed = hook_.failed();
+  health.button_trouble = button_->trouble();
+  if (inputs_ != nullptr) health.inputs = inputs_->counters();
+  health.longest_turn_ms = 1e-6 * static_cast<double>(loop_.longest_turn_ns());
+  return health;
 }
 
 void Control::tell(Health health, std::int64_t now_ns) {
@@ -133,15 +210,22 @@ void Control::tell_trouble(const Health& health) {
 void Control::tell_waiting() {
   const SaveProgress progress = run_.saver().progress();
   if (progress.state == told_progress_.state && progress.percent == told_progress_.percent &&
-      progress.name == told_progress_.name) {
+      progress.name == told_progress_.name && progress.ended_ns == told_progress_.ended_ns) {
     return;
   }
-  if (progress.state == SaveState::kDone) log(Severity::kInfo, "saved " + progress.path);
+  if (progress.state == SaveState::kDone && !progress.picture_only) {
+    log(Severity::kInfo, "saved " + progress.path);
+    hook_.tell({"map-saved", progress.path, "saved " + progress.name});
+  }
   if (progress.state == SaveState::kFailed) {
     log(Severity::kError, fmt::format("map {} is not saved: {}", progress.name, progress.status.message()));
+    if (!progress.picture_only) hook_.tell({"save-failed", "", progress.status.message()});
   }
   told_progress_ = progress;
-  for (const std::uint64_t client : waiting_) server_->send(client, reply_of(progress.id, progress));
+  const bool drawn = progress.state == SaveState::kDone && progress.picture_only;
+  const int picture = drawn ? ::open(progress.path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW) : -1;
+  for (const std::uint64_t client : waiting_) server_->send(client, reply_of(progress.id, progress), picture);
+  if (picture >= 0) ::close(picture);
   if (progress.state == SaveState::kWorking) return;
   for (const std::uint64_t client : waiting_) server_->keep(client, false);
   waiting_.clear();
@@ -154,29 +238,51 @@ std::string Control::answer(std::string_view packet, const ControlPeer& peer) {
     log(Severity::kInfo,
         fmt::format("{} {} by user {}, process {}", verb_name(request->verb), request->name, peer.uid, peer.pid));
   }
-  switch (request->verb) {
+  return answer_request(*request, peer);
+}
+
+std::string Control::answer_request(const ControlRequest& request, const ControlPeer& peer) {
+  switch (request.verb) {
     case ControlVerb::kStatus:
     case ControlVerb::kHealth:
-      return answer_health(*request);
+      return answer_health(request);
     case ControlVerb::kSaveMap:
-      return answer_save(*request, peer);
+      return answer_save(request, peer);
+    case ControlVerb::kGetMap:
+      return answer_picture(request, peer);
     case ControlVerb::kMark:
-      return answer_mark(*request);
+      return answer_mark(request);
     case ControlVerb::kPause:
     case ControlVerb::kResume:
     case ControlVerb::kNewRun:
-      return answer_command(*request);
+      return answer_command(request);
   }
-  return refusal(request->id, {StatusCode::kInternal, "unknown verb"});
+  return refusal(request.id, {StatusCode::kInternal, "unknown verb"});
 }
 
 std::string Control::answer_health(const ControlRequest& request) {
-  const Health health = last_ ? *last_ : run_.look();
+  const Health health = last_ ? *last_ : look();
   return reply(request.id, ReplyState::kDone, words_of(health), {{"health", json_of(health)}});
 }
 
+Expected<SaveProgress> Control::start_save(const ControlRequest& request) {
+  Expected<SaveProgress> progress =
+      run_.saver().start({request.id, request.name, request.force, request.cloud, false, marks_});
+  hook_.tell(progress ? HookEvent{"save-started", "", "saving " + progress->name}
+                      : HookEvent{"save-refused", "", progress.error().message()});
+  return progress;
+}
+
+std::string Control::answer_picture(const ControlRequest& request, const ControlPeer& peer) {
+  const Expected<SaveProgress> progress = run_.saver().start({request.id, "live", true, false, true, {}});
+  if (!progress) return refusal(request.id, progress.error());
+  waiting_.insert(peer.client);
+  server_->keep(peer.client, true);
+  return reply_of(request.id, *progress);
+}
+
 std::string Control::answer_save(const ControlRequest& request, const ControlPeer& peer) {
-  const Expected<SaveProgress> progress = run_.saver().start({request.id, request.name, request.force, marks_});
+  const Expected<SaveProgress> progress = start_save(request);
   if (!progress) return refusal(request.id, progress.error());
   if (request.wait && progress->state == SaveState::kWorking) {
     waiting_.insert(peer.client);

@@ -12,11 +12,14 @@
 #include <string>
 #include <vector>
 
+#include "daemon/command_hook.hpp"
 #include "daemon/configuration.hpp"
 #include "daemon/control_protocol.hpp"
 #include "daemon/control_server.hpp"
 #include "daemon/event_loop.hpp"
+#include "daemon/lcm_inputs.hpp"
 #include "daemon/live_run.hpp"
+#include "daemon/map_button.hpp"
 #include "daemon/service_manager.hpp"
 
 namespace submapd {
@@ -26,9 +29,9 @@ namespace submapd {
 
 class Control {
  public:
-  // Throws std::runtime_error where there is no socket or no descriptor: for start-up. `run` and `service`
-  // must outlive the object.
-  Control(const Configuration& configuration, LiveRun& run, ServiceManager& service);
+  // Throws std::runtime_error where there is no socket or no descriptor: for start-up. SIGHUP
+  // reads the file `path` again and puts what can change into `configuration`. References must outlive the object.
+  Control(Configuration& configuration, std::string path, LiveRun& run, ServiceManager& service);
   Control(const Control&) = delete;
   Control& operator=(const Control&) = delete;
   ~Control();
@@ -42,17 +45,26 @@ class Control {
 
   void add(int fd, EventLoop::Callback callback);
   void on_signal();
+  void on_hangup();
+  void on_button();
+  void on_input();
   void on_timer();
+  [[nodiscard]] Health look();
   void tell(Health health, std::int64_t now_ns);
   void tell_trouble(const Health& health);
   void tell_waiting();
 
   std::string answer(std::string_view packet, const ControlPeer& peer);
+  std::string answer_request(const ControlRequest& request, const ControlPeer& peer);
   std::string answer_health(const ControlRequest& request);
   std::string answer_save(const ControlRequest& request, const ControlPeer& peer);
+  std::string answer_picture(const ControlRequest& request, const ControlPeer& peer);
+  [[nodiscard]] Expected<SaveProgress> start_save(const ControlRequest& request);
   std::string answer_mark(const ControlRequest& request);
   std::string answer_command(const ControlRequest& request);
 
+  Configuration& configuration_;
+  const std::string path_;
   LiveRun& run_;
   End end_ = End::kError;
   ServiceManager& service_;
@@ -60,10 +72,14 @@ class Control {
   int signal_fd_ = -1;
   int timer_fd_ = -1;
   std::unique_ptr<ControlServer> server_;
+  CommandHook hook_;
+  std::unique_ptr<MapButton> button_;
+  std::unique_ptr<LcmInputs> inputs_;  // if anything may come in
 
   std::optional<Health> last_;
   std::int64_t published_ns_ = 0;
   std::int64_t fed_ns_ = 0;
+  std::int64_t looked_at_button_ns_ = 0;
   std::string told_;
   std::vector<Mark> marks_;
   std::set<std::uint64_t> waiting_;  // clients that want to know how the save goes

@@ -16,9 +16,10 @@ struct NamedVerb {
   const char* name;
   ControlVerb verb;
 };
-constexpr std::array<NamedVerb, 7> kVerbs = {{{"status", ControlVerb::kStatus},
+constexpr std::array<NamedVerb, 8> kVerbs = {{{"status", ControlVerb::kStatus},
                                               {"health", ControlVerb::kHealth},
                                               {"save-map", ControlVerb::kSaveMap},
+                                              {"get-map", ControlVerb::kGetMap},
                                               {"mark", ControlVerb::kMark},
                                               {"pause", ControlVerb::kPause},
                                               {"resume", ControlVerb::kResume},
@@ -38,6 +39,8 @@ bool take(const std::string& key, const nlohmann::json& value, ControlRequest& r
     request.wait = value.get<bool>();
   } else if (key == "force" && value.is_boolean()) {
     request.force = value.get<bool>();
+  } else if (key == "cloud" && value.is_boolean()) {
+    request.cloud = value.get<bool>();
   } else if (key == "utime_us" && value.is_number_integer() && !value.is_number_unsigned()) {
     request.utime_us = value.get<std::int64_t>();
   } else if (key == "utime_us" && value.is_number_unsigned() && value.get<std::uint64_t>() <= INT64_MAX) {
@@ -76,7 +79,8 @@ Expected<ControlRequest> parse_request(std::string_view packet) {
         request.verb = known.verb;
         has_verb = true;
       }
-      if (!has_verb) return wrong("unknown verb; known are status, health, save-map, mark, pause, resume, new-run");
+      if (!has_verb)
+        return wrong("unknown verb; known are status, health, save-map, get-map, mark, pause, resume, new-run");
     } else if (!take(key, value, request)) {
       return wrong("unknown key, or a value of another type; see control-protocol.md");
     }

@@ -16,7 +16,7 @@ namespace submapd {
 inline constexpr std::size_t kMaxRequestBytes = 4096;
 inline constexpr std::size_t kMaxReplyBytes = 65'536;
 
-enum class ControlVerb { kStatus, kHealth, kSaveMap, kMark, kPause, kResume, kNewRun };
+enum class ControlVerb { kStatus, kHealth, kSaveMap, kGetMap, kMark, kPause, kResume, kNewRun };
 
 struct ControlRequest {
   ControlVerb verb = ControlVerb::kStatus;
@@ -24,6 +24,7 @@ struct ControlRequest {
   std::string name;  // of a map or a mark
   bool wait = false;
   bool force = false;
+  bool cloud = false;
   std::optional<std::int64_t> utime_us;
 };
 

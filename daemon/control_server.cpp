@@ -8,6 +8,7 @@
 #include <sys/un.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cstring>
@@ -103,16 +104,26 @@ ControlServer::~ControlServer() {
   ::unlink(options_.path.c_str());
 }
 
+// Else a few silent clients could keep the operator out.
+void ControlServer::make_room(std::int64_t now_ns) {
+  const auto idlest = std::min_element(clients_.begin(), clients_.end(), [](const auto& a, const auto& b) {
+    return std::pair(a.second.waits, a.second.heard_ns) < std::pair(b.second.waits, b.second.heard_ns);
+  });
+  if (idlest == clients_.end() || idlest->second.waits) return;
+  if (now_ns - idlest->second.heard_ns > options_.patience_ns) shut_out(idlest->first);
+}
+
 void ControlServer::accept_one() {
   const int fd = ::accept4(fd_, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
   if (fd < 0) return;
   ucred credentials{};
   socklen_t size = sizeof credentials;
   ::getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &credentials, &size);
+  if (clients_.size() >= options_.most_clients) make_room(driver::monotonic_now_ns());
   const std::uint64_t id = next_client_++;
   const auto on_packet = [this, id](std::uint32_t) { serve(id); };
   if (clients_.size() >= options_.most_clients || !loop_.add(fd, EPOLLIN, on_packet).ok()) {
-    ++turned_away_;
+    ++counters_.turned_away;
     const std::string busy = refusal("", {StatusCode::kUnavailable, "too many clients; try again"});
     (void)!::send(fd, busy.data(), busy.size(), MSG_DONTWAIT | MSG_NOSIGNAL);
     ::close(fd);
@@ -133,17 +144,31 @@ void ControlServer::serve(std::uint64_t id) {
   const ControlPeer peer = found->second.peer;
   if (static_cast<std::size_t>(size) > packet.size()) {
     send(id, refusal("", {StatusCode::kInvalidArgument, "the request is too long"}));
-    return shut(id);
+    return shut_out(id);
   }
   const std::string answer = handler_({packet.data(), static_cast<std::size_t>(size)}, peer);
   if (!answer.empty()) send(id, answer);
 }
 
-void ControlServer::send(std::uint64_t client, const std::string& packet) {
+void ControlServer::send(std::uint64_t client, const std::string& packet, int file) {
   const auto found = clients_.find(client);
   if (found == clients_.end()) return;
-  const ssize_t sent = ::send(found->second.fd, packet.data(), packet.size(), MSG_DONTWAIT | MSG_NOSIGNAL);
-  if (sent != static_cast<ssize_t>(packet.size())) shut(client);
+  iovec text{const_cast<char*>(packet.data()), packet.size()};
+  msghdr message{};
+  message.msg_iov = &text;
+  message.msg_iovlen = 1;
+  alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof file)> rights{};
+  if (file >= 0) {
+    message.msg_control = rights.data();
+    message.msg_controllen = rights.size();
+    cmsghdr* const header = CMSG_FIRSTHDR(&message);
+    header->cmsg_level = SOL_SOCKET;
+    header->cmsg_type = SCM_RIGHTS;
+    header->cmsg_len = CMSG_LEN(sizeof file);
+    std::memcpy(CMSG_DATA(header), &file, sizeof file);
+  }
+  const ssize_t sent = ::sendmsg(found->second.fd, &message, MSG_DONTWAIT | MSG_NOSIGNAL);
+  if (sent != static_cast<ssize_t>(packet.size())) shut_out(client);
 }
 
 void ControlServer::keep(std::uint64_t client, bool waits) {
@@ -158,7 +183,12 @@ void ControlServer::look(std::int64_t now_ns) {
   for (const auto& [id, client] : clients_) {
     if (!client.waits && now_ns - client.heard_ns > options_.idle_ns) idle.push_back(id);
   }
-  for (const std::uint64_t id : idle) shut(id);
+  for (const std::uint64_t id : idle) shut_out(id);
+}
+
+void ControlServer::shut_out(std::uint64_t id) {
+  if (clients_.contains(id)) ++counters_.shut_out;
+  shut(id);
 }
 
 void ControlServer::shut(std::uint64_t id) {

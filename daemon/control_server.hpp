@@ -17,11 +17,18 @@
 
 namespace submapd {
 
+// All monotonic.
+struct ControlServerCounters {
+  std::uint64_t turned_away = 0;  // there were too many
+  std::uint64_t shut_out = 0;     // idle, too long a packet, or did not read its replies
+};
+
 struct ControlServerOptions {
   std::string path;
   std::string group;  // empty: the process's
   std::size_t most_clients = 16;
   std::int64_t idle_ns = 30'000'000'000;
+  std::int64_t patience_ns = 1'000'000'000;  // idle so long, a client makes room for the next if there are too many
 };
 
 // Who asks, by the kernel's word.
@@ -44,15 +51,15 @@ class ControlServer {
   ControlServer& operator=(const ControlServer&) = delete;
   ~ControlServer();
 
-  // One more packet to a client, if it is still there.
-  void send(std::uint64_t client, const std::string& packet);
+  // One more packet to a client, if it is still there; with an open file, which stays the caller's, if `file` >= 0.
+  void send(std::uint64_t client, const std::string& packet, int file = -1);
   // A client that waits is not idle.
   void keep(std::uint64_t client, bool waits);
   // Shuts out who has been idle too long.
   void look(std::int64_t now_ns);
 
   [[nodiscard]] std::size_t clients() const { return clients_.size(); }
-  [[nodiscard]] std::uint64_t turned_away() const { return turned_away_; }
+  [[nodiscard]] const ControlServerCounters& counters() const { return counters_; }
 
  private:
   struct Client {
@@ -63,7 +70,9 @@ class ControlServer {
   };
   ControlServer(EventLoop& loop, ControlServerOptions options, Handler handler, int fd);
   void accept_one();
+  void make_room(std::int64_t now_ns);
   void serve(std::uint64_t id);
+  void shut_out(std::uint64_t id);
   void shut(std::uint64_t id);
 
   EventLoop& loop_;
@@ -72,7 +81,7 @@ class ControlServer {
   const int fd_;
   std::map<std::uint64_t, Client> clients_;
   std::uint64_t next_client_ = 1;
-  std::uint64_t turned_away_ = 0;
+  ControlServerCounters counters_;
 };
 
 }  // namespace submapd

@@ -4,11 +4,14 @@
 #include <sys/epoll.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cstring>
 #include <system_error>
 #include <utility>
+
+#include "driver/monotonic.hpp"
 
 namespace submapd {
 
@@ -41,6 +44,7 @@ Status EventLoop::run() {
     const int count = ::epoll_wait(epoll_, events.data(), static_cast<int>(events.size()), -1);
     if (count < 0 && errno == EINTR) continue;
     if (count < 0) return {StatusCode::kIo, fmt::format("epoll_wait: {}", std::strerror(errno))};
+    const std::int64_t woken_ns = driver::monotonic_now_ns();
     for (int i = 0; i < count && !stopped_; ++i) {
       const epoll_event& event = events[static_cast<std::size_t>(i)];
       const auto found = callbacks_.find(event.data.fd);
@@ -48,6 +52,7 @@ Status EventLoop::run() {
       const std::shared_ptr<Callback> callback = found->second;
       (*callback)(event.events);
     }
+    longest_turn_ns_ = std::max(longest_turn_ns_, driver::monotonic_now_ns() - woken_ns);
   }
   return {};
 }

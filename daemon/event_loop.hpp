@@ -29,10 +29,13 @@ class EventLoop {
   // Until stop() is called by a callback. Errors: kIo.
   [[nodiscard]] Status run();
   void stop() { stopped_ = true; }
+  // The longest time between two waits so far: how long somebody else may have waited.
+  [[nodiscard]] std::int64_t longest_turn_ns() const { return longest_turn_ns_; }
 
  private:
   int epoll_;
   bool stopped_ = false;
+  std::int64_t longest_turn_ns_ = 0;
   std::map<int, std::shared_ptr<Callback>> callbacks_;
 };
 

@@ -4,6 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "driver/monotonic.hpp"
 #include "proto/lcm_message.hpp"
 
 namespace submapd {
@@ -47,6 +48,17 @@ std::string trouble_of(const ScannerHealth& scanner, const char* role) {
   return fmt::format("{} scanner: {}", role, scanner.words);
 }
 
+nlohmann::json json_of(const SaveProgress& save) {
+  constexpr std::array<const char*, 4> kNames = {"none", "working", "done", "failed"};
+  nlohmann::json json = {{"state", kNames[static_cast<std::size_t>(save.state)]},
+                         {"name", save.name},
+                         {"percent", save.percent},
+                         {"path", save.path},
+                         {"message", save.status.message()}};
+  if (save.ended_ns > 0) json["ago_s"] = static_cast<double>(driver::monotonic_now_ns() - save.ended_ns) * 1e-9;
+  return json;
+}
+
 }  // namespace
 
 const char* state_name(std::int8_t state) {
@@ -69,13 +81,14 @@ std::string trouble_of(const Health& health) {
   if (health.recorder.disk == DiskState::kLow) {
     return fmt::format("only {} MB left on the disk", health.recorder.disk_free_bytes >> 20);
   }
+  if (!health.button_trouble.empty()) return health.button_trouble;
   if (!health.publisher.lcm) return "no network for LCM; mapping goes on without it";
   return {};
 }
 
 std::int8_t state_of(const Health& health) {
   if (!health.optimizer_trouble.empty()) return health_t::FAILED;
-  if (health.saving) return health_t::SAVING;
+  if (health.save.state == SaveState::kWorking) return health_t::SAVING;
   if (health.paused) return health_t::PAUSED;
   if (!trouble_of(health).empty()) return health_t::DEGRADED;
   return health.mapper.scans == 0 ? health_t::STARTING : health_t::MAPPING;
@@ -125,11 +138,17 @@ nlohmann::json json_of(const Health& health) {
   nlohmann::json scanners = nlohmann::json::object();
   for (std::size_t i = 0; i < health.scanners.size(); ++i) {
     const ScannerHealth& s = health.scanners[i];
-    scanners[kRoleNames[i]] = {{"configured", s.configured}, {"present", s.present},
-                               {"serial", s.serial},         {"state", std::string(driver::name(s.state))},
-                               {"words", s.words},           {"scans", s.scans},
-                               {"dropped", s.dropped},       {"bad_frames", s.bad_frames},
-                               {"reconnects", s.reconnects}, {"rate_hz", s.rate_hz}};
+    scanners[kRoleNames[i]] = {{"configured", s.configured},
+                               {"present", s.present},
+                               {"serial", s.serial},
+                               {"state", std::string(driver::name(s.state))},
+                               {"words", s.words},
+                               {"scans", s.scans},
+                               {"dropped", s.dropped},
+                               {"bad_frames", s.bad_frames},
+                               {"reconnects", s.reconnects},
+                               {"rate_hz", s.rate_hz},
+                               {"clock_error_ms", s.clock_error_ms}};
   }
   return {{"utime_us", health.utime_us},
           {"cart", health.cart_id.to_string()},
@@ -144,16 +163,22 @@ nlohmann::json json_of(const Health& health) {
             {"missing", health.mapper.missing},
             {"lost", health.mapper.lost},
             {"particles", health.mapper.particles},
+            {"n_eff", health.mapper.n_eff},
             {"degenerate", health.mapper.degenerate},
             {"stamp_us", health.mapper.stamp_us}}},
           {"recorder",
            {{"raw_scans", health.recorder.raw_scans},
             {"raw_lost", health.recorder.raw_lost},
             {"last_submap", health.recorder.last_submap},
-            {"disk_free_bytes", health.recorder.disk_free_bytes}}},
+            {"raw_bytes", health.recorder.raw_bytes},
+            {"disk_free_bytes", health.recorder.disk_free_bytes},
+            {"disk_minutes", health.disk_minutes}}},
           {"publisher",
            {{"lcm", health.publisher.lcm},
             {"poses", health.publisher.poses},
+            {"pose_hz", health.pose_hz},
+            {"posted", health.publisher.posted},
+            {"chunks", health.publisher.chunks},
             {"dropped", health.publisher.dropped},
             {"scan_ms_p99", health.publisher.scan_ms_p99}}},
           {"optimizer",
@@ -165,10 +190,21 @@ nlohmann::json json_of(const Health& health) {
             {"completed", health.optimizer_thread.chunks.completed},
             {"damaged", health.optimizer_thread.chunks.damaged},
             {"evicted", health.optimizer_thread.chunks.evicted},
+            {"lost", health.optimizer_thread.lost},
             {"reread", health.optimizer_thread.reread},
+            {"graphs", health.optimizer_thread.graphs_published},
+            {"solves", health.optimizer.solves},
+            {"solve_ms_max", health.optimizer.solve_ms_max},
             {"forged", health.optimizer_thread.chunks.forged},
             {"foreign", health.optimizer_thread.chunks.foreign},
             {"bad", health.optimizer_thread.chunks.bad}}},
+          {"save", json_of(health.save)},
+          {"inputs", {{"taken", health.inputs.taken}, {"bad", health.inputs.bad}, {"dropped", health.inputs.dropped}}},
+          {"control",
+           {{"turned_away", health.clients.turned_away},
+            {"shut_out", health.clients.shut_out},
+            {"hook_failed", health.hook_failed},
+            {"longest_turn_ms", health.longest_turn_ms}}},
           {"memory", {{"rss_bytes", health.rss_bytes}, {"budget_bytes", health.budget_bytes}}}};
 }
 

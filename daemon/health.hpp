@@ -8,6 +8,9 @@
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 
+#include "daemon/control_server.hpp"
+#include "daemon/lcm_inputs.hpp"
+#include "daemon/map_saver.hpp"
 #include "daemon/mapper_thread.hpp"
 #include "daemon/optimizer_thread.hpp"
 #include "daemon/publisher_thread.hpp"
@@ -27,7 +30,8 @@ struct ScannerHealth {
   std::uint64_t dropped = 0;  // received, but lost between USB and its reader
   std::uint64_t bad_frames = 0;
   std::uint64_t reconnects = 0;
-  double rate_hz = 0.0;  // over the last second
+  double rate_hz = 0.0;         // over the last second
+  double clock_error_ms = 0.0;  // bound of the newest scan's stamp
 };
 
 struct Health {
@@ -43,7 +47,14 @@ struct Health {
   OptimizerCounters optimizer;
   OptimizerThreadCounters optimizer_thread;
   std::string optimizer_trouble;  // why it has ended; empty while it runs
-  bool saving = false;
+  SaveProgress save;              // of the newest map asked for
+  double pose_hz = 0.0;           // sent over the last second
+  double disk_minutes = -1.0;     // until raw recording stops, at the rate of the last ten seconds; -1: not known
+  LcmInputCounters inputs;
+  ControlServerCounters clients;  // of the control socket
+  std::uint64_t hook_failed = 0;
+  std::string button_trouble;
+  double longest_turn_ms = 0.0;  // of the control thread since the run began
   bool paused = false;
   std::size_t rss_bytes = 0;
   std::size_t budget_bytes = 0;  // the sum of all limits

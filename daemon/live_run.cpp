@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <unistd.h>
+#include <algorithm>
 #include <cstdio>
 #include <exception>
 
@@ -16,6 +17,7 @@ namespace {
 
 constexpr std::size_t kReports = 160;  // four seconds
 constexpr std::int64_t kSecond_ns = 1'000'000'000;
+constexpr std::int64_t kDiskRate_ns = 10 * kSecond_ns;  // over which the raw log's growth is measured
 
 std::size_t resident_bytes() {
   std::FILE* const file = std::fopen("/proc/self/statm", "re");
@@ -142,15 +144,16 @@ Health LiveRun::look() {
   health.run = folder_.name;
   health.cart_id = folder_.cart;
   health.run_id = folder_.run;
-  look_at_scanners(health);
   health.mapper = mapper_->state();
   health.recorder = recorder_->state();
   health.publisher = publisher_->state();
+  look_at_rates(health);
+  look_at_scanners(health);
   health.optimizer = optimizer_thread_->back_end_counters();
   health.optimizer_thread = optimizer_thread_->counters();
   health.graph_version = optimizer_thread_->version();
   health.optimizer_trouble = optimizer_thread_->status().message();
-  health.saving = saver_->progress().state == SaveState::kWorking;
+  health.save = saver_->progress();
   health.paused = pause_.paused();
   health.rss_bytes = resident_bytes();
   health.budget_bytes =
@@ -159,6 +162,28 @@ Health LiveRun::look() {
       static_cast<std::size_t>(configuration_.daemon.mapper_ring + 2 * configuration_.daemon.recorder_ring) *
           sizeof(driver::DeviceScan);
   return health;
+}
+
+void LiveRun::look_at_rates(Health& health) {
+  const std::int64_t now_ns = driver::monotonic_now_ns();
+  // look_at_scanners() begins the second.
+  if (now_ns - second_began_ns_ >= kSecond_ns) {
+    const double since_s = static_cast<double>(now_ns - second_began_ns_) * 1e-9;
+    pose_hz_ = static_cast<double>(health.publisher.poses - poses_then_) / since_s;
+    poses_then_ = health.publisher.poses;
+  }
+  health.pose_hz = pose_hz_;
+  if (now_ns - raw_since_ns_ >= kDiskRate_ns) {
+    if (raw_since_ns_ > 0) {
+      raw_bytes_s_ = static_cast<double>(health.recorder.raw_bytes - raw_then_) * 1e9 /
+                     static_cast<double>(now_ns - raw_since_ns_);
+    }
+    raw_since_ns_ = now_ns;
+    raw_then_ = health.recorder.raw_bytes;
+  }
+  const double left = static_cast<double>(health.recorder.disk_free_bytes) -
+                      static_cast<double>(configuration_.recorder.disk_last_bytes);
+  if (raw_bytes_s_ > 0.0) health.disk_minutes = std::max(0.0, left) / raw_bytes_s_ / 60.0;
 }
 
 void LiveRun::look_at_scanners(Health& health) {
@@ -197,6 +222,7 @@ void LiveRun::look_at_scanners(Health& health) {
       seen.scans = scanner.scans;
     }
     scanner.rate_hz = seen.rate_hz;
+    scanner.clock_error_ms = 1e-6 * static_cast<double>(health.recorder.clock_error_ns[i]);
   }
 }
 

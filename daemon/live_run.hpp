@@ -50,6 +50,7 @@ class LiveRun {
   [[nodiscard]] Status open_files();
   [[nodiscard]] Status start_threads();
   void look_at_scanners(Health& health);
+  void look_at_rates(Health& health);
 
   // What rates and reconnects are counted from, for each role.
   struct Seen {
@@ -88,6 +89,11 @@ class LiveRun {
   HeartbeatWatch usb_watch_;
   std::array<Seen, driver::kSensorRoles> seen_;
   std::int64_t second_began_ns_ = 0;
+  std::uint64_t poses_then_ = 0;  // sent when the second began
+  double pose_hz_ = 0.0;
+  std::int64_t raw_since_ns_ = 0;  // the ten seconds of the disk's rate began, with ...
+  std::uint64_t raw_then_ = 0;     // ... so many raw bytes
+  double raw_bytes_s_ = 0.0;
 };
 
 }  // namespace submapd

@@ -34,7 +34,7 @@ int start(int argc, char** argv) {
     return 2;
   }
   submapd::open_log(foreground);
-  return submapd::run_daemon(*configuration);
+  return submapd::run_daemon(*configuration, config);
 }
 
 }  // namespace

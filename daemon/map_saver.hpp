@@ -25,19 +25,24 @@ struct SaveRequest {
   std::string id;    // the asker's: the same id again is the same request
   std::string name;  // empty: map-YYYYmmdd-HHMMSS in UTC
   bool force = false;
-  std::vector<Mark> marks;  // in order of time
+  bool cloud = false;
+  bool picture_only = false;  // get-map: RUN/live.png, from the graph as it is
+  std::vector<Mark> marks;    // in order of time
 };
 
 enum class SaveState { kNone, kWorking, kDone, kFailed };
 
 // Of the newest request.
 struct SaveProgress {
+  bool picture_only = false;
   SaveState state = SaveState::kNone;
   std::string id;
   std::string name;
   int percent = 0;
-  std::string path;  // of the map, when done
-  Status status;     // why it failed
+  std::uint64_t cloud_bytes = 0;  // the size cloud.ply will have, as soon as it is known
+  std::string path;               // of the map or the picture, when done
+  std::int64_t ended_ns = 0;      // monotonic, when done or failed
+  Status status;                  // why it failed
 };
 
 // What the saver works with. All must outlive it.
@@ -60,10 +65,15 @@ class MapSaver {
   // is worked on), kInvalidArgument (the name).
   [[nodiscard]] Expected<SaveProgress> start(SaveRequest request);
   [[nodiscard]] SaveProgress progress() const;
+  // Of the clouds from now on.
+  void set_mount(const ScannerMount& mount);
 
  private:
   void run();
   [[nodiscard]] Status save(const SaveRequest& request);
+  [[nodiscard]] Status draw();
+  // What is known between two scans.
+  [[nodiscard]] Expected<OpenRun> look();
   // The open run, and the final graph with it.
   struct Solved {
     OpenRun run;
@@ -72,6 +82,10 @@ class MapSaver {
   };
   [[nodiscard]] Expected<Solved> solve();
   [[nodiscard]] Status wait_for_recorder(const OpenRun& run) const;
+  [[nodiscard]] Expected<CloudSize> size_cloud(const OptimizedTrajectory& trajectory, const ScannerMount& mount);
+  [[nodiscard]] Status write_report(const std::filesystem::path& path, const std::string& name, const Solved& solved,
+                                    const RunOutputsSummary& written) const;
+  [[nodiscard]] OpenCloudScans vertical_scans() const;
   void tell(int percent);
 
   const Configuration configuration_;
@@ -82,6 +96,7 @@ class MapSaver {
   std::condition_variable_any wanted_;
   std::optional<SaveRequest> request_ GUARDED_BY(mutex_);
   SaveProgress progress_ GUARDED_BY(mutex_);
+  ScannerMount mount_ GUARDED_BY(mutex_);
   bool stop_ GUARDED_BY(mutex_) = false;
 
   std::thread thread_;

@@ -37,13 +37,14 @@ struct MapperThreadOptions {
   std::uint64_t longest_backlog = 40;  // scans that may wait before some are left out
 };
 
-// Of the mapper's thread, for any other. Monotonic but for the last four, which are of the newest scan.
+// Of the mapper's thread, for any other. Monotonic but for the last five, which are of the newest scan.
 struct MapperState {
   std::uint64_t scans = 0;
   std::uint64_t skipped = 0;  // received and not mapped: left out to catch up, or the ring was full
   std::uint64_t missing = 0;  // numbers that never came, by the sensor's count of turns
   std::uint64_t lost = 0;     // mapped scans that fitted nowhere
   int particles = 0;
+  double n_eff = 0.0;
   bool degenerate = false;
   bool last_lost = false;
   std::int64_t stamp_us = 0;
@@ -123,6 +124,7 @@ class MapperThread {
   std::atomic<std::uint64_t> missing_{0};
   std::atomic<std::uint64_t> lost_{0};
   std::atomic<int> particles_{0};
+  std::atomic<double> n_eff_{0.0};
   std::atomic<bool> degenerate_{false};
   std::atomic<bool> last_lost_{false};
   std::atomic<std::int64_t> stamp_us_{0};

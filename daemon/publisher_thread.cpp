@@ -73,7 +73,9 @@ void PublisherThread::hand_over(std::shared_ptr<const FinishedSubmap> submap, co
 }
 
 PublisherState PublisherThread::state() const {
-  return {good_.load(), poses_.load(), dropped_.load(), last_chunk_seq_.load(), p99_ms_.load()};
+  const std::int64_t last_chunk = last_chunk_seq_.load();
+  return {good_.load(),    poses_.load(), posted_count_.load(), static_cast<std::uint64_t>(last_chunk + 1),
+          dropped_.load(), last_chunk,    p99_ms_.load()};
 }
 
 void PublisherThread::run() {
@@ -182,6 +184,7 @@ void PublisherThread::send_queued() {
     handed_over.swap(handed_over_);
   }
   for (const Posted& p : posted) send(p.channel, p.message);
+  posted_count_.fetch_add(posted.size(), std::memory_order_relaxed);
   for (const HandedOver& h : handed_over) {
     newest_stamp_us_ = h.submap->keyframes.back().stamp_us;
     odom_from_submap_[h.submap->id.index] = h.submap->odom_from_submap;

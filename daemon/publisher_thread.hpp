@@ -32,6 +32,8 @@ struct PublisherThreadOptions {
 struct PublisherState {
   bool lcm = false;  // there is a network to send to
   std::uint64_t poses = 0;
+  std::uint64_t posted = 0;   // scans and health
+  std::uint64_t chunks = 0;   // of sub-maps
   std::uint64_t dropped = 0;  // messages shed before sending
   std::int64_t last_chunk_seq = -1;
   double scan_ms_p99 = 0.0;  // last byte of a scan to its pose sent, newest 2400 scans
@@ -100,6 +102,7 @@ class PublisherThread {
   Heartbeat heartbeat_;
   std::atomic<bool> good_{false};
   std::atomic<std::uint64_t> poses_{0};
+  std::atomic<std::uint64_t> posted_count_{0};
   std::atomic<std::uint64_t> dropped_{0};
   std::atomic<std::int64_t> last_chunk_seq_{-1};
   std::atomic<double> p99_ms_{0.0};

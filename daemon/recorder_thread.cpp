@@ -51,8 +51,16 @@ bool RecorderThread::note(JournalEvent event) {
 }
 
 RecorderState RecorderThread::state() const {
-  RecorderState state{raw_scans_.load(),    raw_lost_.load(),  last_submap_.load(), reports_.load(),
-                      poses_failed_.load(), disk_free_.load(), disk_.load(),        {}};
+  RecorderState state;
+  state.raw_scans = raw_scans_.load();
+  state.raw_lost = raw_lost_.load();
+  state.last_submap = last_submap_.load();
+  state.reports = reports_.load();
+  state.poses_failed = poses_failed_.load();
+  state.disk_free_bytes = disk_free_.load();
+  state.raw_bytes = raw_bytes_.load();
+  for (std::size_t i = 0; i < clock_error_ns_.size(); ++i) state.clock_error_ns[i] = clock_error_ns_[i].load();
+  state.disk = disk_.load();
   const MutexLock lock(mutex_);
   if (driver::monotonic_now_ns() - trouble_ns_ < kTroubleLasts_ns) state.trouble = trouble_;
   return state;
@@ -109,16 +117,27 @@ void RecorderThread::write_scans() {
 void RecorderThread::write_scan(driver::SensorRole role, const driver::DeviceScan& measured) {
   const auto i = static_cast<std::size_t>(role);
   const Scan& scan = stampers_[i].stamp(measured);
+  clock_error_ns_[i].store(measured.error_bound_ns, std::memory_order_relaxed);
   if (links_.pause.contains(measured.first_beam_mono_ns)) return;
   const bool sent = scan_every_ > 0 && seen_[i]++ % scan_every_ == 0;
   const bool written = options_.raw && disk_.load(std::memory_order_relaxed) != DiskState::kLast;
   if (options_.raw && !written) raw_lost_.fetch_add(1, std::memory_order_relaxed);
   if (!sent && !written) return;
-  std::vector<std::byte> message = encode_scan(
-      scan, {folder_.cart, folder_.run, static_cast<std::int64_t>(measured.device_ms), measured.first_beam_mono_ns});
-  const std::string& channel = role == driver::SensorRole::kHorizontal ? channels_.scan_h : channels_.scan_v;
+  const ScanOrigin origin{folder_.cart, folder_.run, static_cast<std::int64_t>(measured.device_ms),
+                          measured.first_beam_mono_ns};
+  std::vector<std::byte> message = encode_scan(scan, origin);
+  const bool horizontal = role == driver::SensorRole::kHorizontal;
+  const std::string& channel = horizontal ? channels_.scan_h : channels_.scan_v;
   if (written) {
-    const Status status = raw_.write(channel, folder_.clock.utime_us(measured.arrival_last_mono_ns), message);
+    const std::int64_t arrived_us = folder_.clock.utime_us(measured.arrival_last_mono_ns);
+    Status status;
+    if ((measured.flags & driver::kScanHasIntensities) != 0) {
+      const ScanIntensities intensities{
+          scan.stamp_us, scan.index, {measured.intensities.begin(), measured.intensities.begin() + measured.beams}};
+      status = raw_.write(horizontal ? channels_.intensity_h : channels_.intensity_v, arrived_us,
+                          encode_intensities(intensities, origin));
+    }
+    if (status.ok()) status = raw_.write(channel, arrived_us, message);
     (status.ok() ? raw_scans_ : raw_lost_).fetch_add(1, std::memory_order_relaxed);
     if (!status.ok()) refused(status);
   }
@@ -178,6 +197,7 @@ void RecorderThread::journal(JournalEvent event) {
 }
 
 void RecorderThread::each_second() {
+  raw_bytes_.store(raw_.bytes());
   struct statvfs disk {};
   if (::statvfs(folder_.path.c_str(), &disk) == 0) {
     const std::uint64_t free = static_cast<std::uint64_t>(disk.f_bavail) * disk.f_frsize;

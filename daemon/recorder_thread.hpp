@@ -37,6 +37,8 @@ struct RecorderState {
   std::uint64_t reports = 0;       // of the mapper, taken
   std::uint64_t poses_failed = 0;  // of them, not spooled
   std::uint64_t disk_free_bytes = 0;
+  std::uint64_t raw_bytes = 0;                                      // of the run's raw log, by this process
+  std::array<std::int64_t, driver::kSensorRoles> clock_error_ns{};  // bound of the newest scan's stamp, by SensorRole
   DiskState disk = DiskState::kOk;
   std::string trouble;  // what the disk refuses now; empty if nothing
 };
@@ -107,6 +109,8 @@ class RecorderThread {
   std::atomic<std::uint64_t> reports_{0};
   std::atomic<std::uint64_t> poses_failed_{0};
   std::atomic<std::uint64_t> disk_free_{0};
+  std::atomic<std::uint64_t> raw_bytes_{0};
+  std::array<std::atomic<std::int64_t>, driver::kSensorRoles> clock_error_ns_{};
   std::atomic<DiskState> disk_{DiskState::kOk};
 
   mutable Mutex mutex_;

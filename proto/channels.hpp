@@ -10,17 +10,25 @@ struct Channels {
   explicit Channels(const std::string& prefix = "CART")
       : scan_h(prefix + "_SCAN_H"),
         scan_v(prefix + "_SCAN_V"),
+        intensity_h(prefix + "_INTENSITY_H"),
+        intensity_v(prefix + "_INTENSITY_V"),
         pose(prefix + "_POSE"),
         submap(prefix + "_SUBMAP"),
         graph(prefix + "_GRAPH"),
-        health(prefix + "_HEALTH") {}
+        health(prefix + "_HEALTH"),
+        trigger(prefix + "_TRIGGER"),
+        command(prefix + "_COMMAND") {}
 
   std::string scan_h;
   std::string scan_v;
+  std::string intensity_h;
+  std::string intensity_v;
   std::string pose;
   std::string submap;
   std::string graph;
   std::string health;
+  std::string trigger;  // this and the next one come in
+  std::string command;
 };
 
 }  // namespace submapd

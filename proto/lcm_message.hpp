@@ -73,18 +73,24 @@ template <typename T>
   return decode_message<T>(bytes, std::array<std::size_t, 0>{});
 }
 
-// health_t ends with a string: its count includes the terminator.
-[[nodiscard]] inline Expected<health_t> decode_health(std::span<const std::byte> bytes) {
-  const std::size_t fixed_bytes = static_cast<std::size_t>(health_t{}.getEncodedSize()) - 1;
+// For types that end with a string, whose count includes the terminator. Errors: kCorrupt.
+template <typename T>
+[[nodiscard]] Expected<T> decode_with_text(std::span<const std::byte> bytes) {
+  T message{};
+  const std::size_t fixed_bytes = static_cast<std::size_t>(message.getEncodedSize()) - 1;
   if (bytes.size() <= fixed_bytes || bytes.size() > kMaxDatagramBytes ||
       internal::int32_at(bytes, fixed_bytes - 4) != static_cast<std::int64_t>(bytes.size() - fixed_bytes)) {
-    return failure(StatusCode::kCorrupt, fmt::format("health_t of {} bytes: wrong size", bytes.size()));
+    return failure(StatusCode::kCorrupt, fmt::format("{} of {} bytes: wrong size", T::getTypeName(), bytes.size()));
   }
-  health_t health{};
-  if (health.decode(bytes.data(), 0, static_cast<int>(bytes.size())) != static_cast<int>(bytes.size())) {
-    return failure(StatusCode::kCorrupt, "health_t: not of this type, or of another version of it");
+  if (message.decode(bytes.data(), 0, static_cast<int>(bytes.size())) != static_cast<int>(bytes.size())) {
+    return failure(StatusCode::kCorrupt,
+                   fmt::format("{}: not of this type, or of another version of it", T::getTypeName()));
   }
-  return health;
+  return message;
+}
+
+[[nodiscard]] inline Expected<health_t> decode_health(std::span<const std::byte> bytes) {
+  return decode_with_text<health_t>(bytes);
 }
 
 inline void put_uuid(const Uuid& uuid, std::uint8_t (&field)[16]) {

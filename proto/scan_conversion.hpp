@@ -1,4 +1,4 @@
-// A Scan as a scan_t message and back: CART_SCAN_H, CART_SCAN_V and the raw log.
+// A Scan as a scan_t message and back: CART_SCAN_H, CART_SCAN_V and the raw log; its echo strengths likewise.
 #pragma once
 
 #include <cstddef>
@@ -31,5 +31,18 @@ struct ScanMessage {
 
 // Errors: kCorrupt (not a scan_t, or values no scan has).
 [[nodiscard]] Expected<ScanMessage> decode_scan(std::span<const std::byte> bytes);
+
+// Echo strengths of the scan with this number and stamp: CART_INTENSITY_H, CART_INTENSITY_V.
+struct ScanIntensities {
+  std::int64_t stamp_us = 0;
+  std::uint64_t index = 0;
+  std::vector<std::uint16_t> values;  // one a beam
+};
+
+// REQUIRES: as for encode_scan().
+[[nodiscard]] std::vector<std::byte> encode_intensities(const ScanIntensities& intensities, const ScanOrigin& origin);
+
+// Errors: kCorrupt.
+[[nodiscard]] Expected<ScanIntensities> decode_intensities(std::span<const std::byte> bytes);
 
 }  // namespace submapd

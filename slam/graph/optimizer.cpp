@@ -13,6 +13,7 @@
 #include "slam/graph/internal/loop_policy.hpp"
 #include "slam/graph/internal/loop_search.hpp"
 #include "slam/graph/internal/pair_tools.hpp"
+#include "slam/graph/internal/relative_uncertainty.hpp"
 #include "slam/submap/with_open_submap.hpp"
 
 namespace submapd {
@@ -248,6 +249,10 @@ Expected<FinalResult> Optimizer::Impl::finish() {
   for (std::uint32_t k = 0; k < model.submaps.size(); ++k) {
     result.submaps.push_back({k, track.track[track.first_of_submap[k]].map_from_base});
   }
+  const std::vector<graph::RelativePose> paths = graph::RelativeUncertainty(model).paths_from(0);
+  for (std::size_t k = 0; k < paths.size(); ++k) {
+    result.bounds.push_back({track.track[track.first_of_submap[k]].stamp_us, paths[k].pose.covariance});
+  }
   result.loops = loops();
   const OptimizerCounters& counted = counters;
   result.report = fmt::format(
@@ -272,6 +277,17 @@ Expected<FinalResult> Optimizer::finish_with(const std::shared_ptr<const Finishe
   Impl copy(*impl_, source);
   if (Status status = copy.take(*open); !status.ok()) return failure(status);
   return copy.finish();
+}
+
+Eigen::Matrix3d covariance_bound(const FinalResult& result, std::int64_t stamp_us, const Pose2& map_from_base) {
+  const auto later =
+      std::upper_bound(result.bounds.begin(), result.bounds.end(), stamp_us,
+                       [](std::int64_t stamp, const SubmapBound& bound) { return stamp < bound.begun_us; });
+  if (later == result.bounds.begin()) return Eigen::Matrix3d::Zero();
+  const auto k = static_cast<std::size_t>(later - result.bounds.begin()) - 1;
+  const Pose2& map_from_submap = result.submaps[k].map_from_submap;
+  const graph::UncertainPose within{between(map_from_submap, map_from_base), Eigen::Matrix3d::Zero()};
+  return compose(graph::UncertainPose{map_from_submap, result.bounds[k].covariance}, within).covariance;
 }
 
 OptimizerCounters Optimizer::counters() const {

@@ -98,13 +98,26 @@ struct OptimizedKeyframe {
   Pose2 map_from_base;
 };
 
+// How uncertain a sub-map's place in the map is at most: along the best chain of edges from the first sub-map.
+struct SubmapBound {
+  std::int64_t begun_us = 0;                             // its first key-frame
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  // of map_from_submap (x, y, yaw), in the map's frame
+};
+
 struct FinalResult {
   std::vector<SubmapPose> submaps;           // in order of index
+  std::vector<SubmapBound> bounds;           // by sub-map
   std::vector<OptimizedKeyframe> keyframes;  // every distinct track point of the run, in order of time
   std::vector<Loop> loops;
   GraphExport graph;   // equation (5)
   std::string report;  // a few lines for people: residuals before and after, iterations
 };
+
+// Bound of the covariance (x, y, yaw) of a pose in the map at an instant: that of the newest sub-map begun by then,
+// carried to the pose. What is left out, the pose within its sub-map, is a few millimetres. Zero if the result has
+// none.
+[[nodiscard]] Eigen::Matrix3d covariance_bound(const FinalResult& result, std::int64_t stamp_us,
+                                               const Pose2& map_from_base);
 
 // What the optimizer thread drives: the Optimizer below, or a double in tests.
 class BackEnd {

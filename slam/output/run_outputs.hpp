@@ -11,6 +11,7 @@
 #include "slam/filter/mapper.hpp"
 #include "slam/graph/optimizer.hpp"
 #include "slam/output/pose_spool.hpp"
+#include "slam/output/run_quality.hpp"
 #include "slam/submap/submap_source.hpp"
 
 namespace submapd {
@@ -39,10 +40,20 @@ struct RunOutputsSummary {
   double path_m = 0.0;
   double cell_m = 0.0;  // of the map: coarser than configured if it did not fit
   ByteBudget raster;
+  RunQuality quality;
 };
 
 // Writes trajectory.tum, map.pgm, map.yaml, map.png and graph.g2o, and marks.csv if there are marks; each file whole or
 // not at all.
 [[nodiscard]] Expected<RunOutputsSummary> write_run_outputs(const RunOutputs& run);
+
+// The map as the live graph has it, without a solve: sub-maps are rigid, and what is newer than the graph follows by
+// the filter's own way. Up to and with sub-map `last`. Errors: those of the source.
+[[nodiscard]] Expected<FinalResult> live_result(const GraphState& graph, std::uint32_t last, SubmapSource& submaps);
+
+// Such a map as a picture.
+[[nodiscard]] Status draw_live_map(const std::filesystem::path& path, const std::string& subtitle,
+                                   const FinalResult& live, SubmapSource& submaps, const MapperOptions& mapper,
+                                   std::size_t raster_bytes);
 
 }  // namespace submapd

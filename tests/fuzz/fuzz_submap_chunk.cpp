@@ -11,7 +11,9 @@
 #include "proto/lcm_message.hpp"
 #include "proto/scan_conversion.hpp"
 #include "proto/submap_chunks.hpp"
+#include "submapd/command_t.hpp"
 #include "submapd/pose_t.hpp"
+#include "submapd/trigger_t.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   constexpr std::size_t kLimit = 100'000;
@@ -35,6 +37,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     if (const auto scan = submapd::decode_scan(message)) {
       if (submapd::encode_scan(scan->scan, scan->origin).size() != message.size()) std::abort();
     }
+    if (const auto intensities = submapd::decode_intensities(message)) {
+      if (submapd::encode_intensities(*intensities, {}).size() != message.size()) std::abort();
+    }
+    (void)submapd::decode_with_text<submapd::command_t>(message);
+    (void)submapd::decode_with_text<submapd::trigger_t>(message);
     (void)submapd::decode_message<submapd::pose_t>(message);
     (void)submapd::decode_health(message);
   }

@@ -130,8 +130,8 @@ void check_manifest(const std::filesystem::path& map) {
     const Expected<Sha256> hash = sha256_of_file(path);
     EXPECT_TRUE(hash.has_value() && hex_of(*hash) == file["sha256"]) << path;
   }
-  EXPECT_EQ(names,
-            (std::set<std::string>{"graph.g2o", "map.pgm", "map.png", "map.yaml", "marks.csv", "trajectory.tum"}));
+  EXPECT_EQ(names, (std::set<std::string>{"graph.g2o", "map.pgm", "map.png", "map.yaml", "marks.csv", "report.json",
+                                          "trajectory.tum"}));
 }
 
 json save_map(DaemonRig& rig, const std::string& name, bool force = false) {

@@ -6,6 +6,7 @@
 #include <sys/un.h>
 #include <unistd.h>
 
+#include <array>
 #include <cerrno>
 #include <cstring>
 #include <utility>
@@ -37,10 +38,12 @@ Expected<ControlClient> ControlClient::connect(const std::string& path) {
                  fmt::format("no submapd answers at {}: {}; is it running?", path, std::strerror(errno)));
 }
 
-ControlClient::ControlClient(ControlClient&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
+ControlClient::ControlClient(ControlClient&& other) noexcept
+    : fd_(std::exchange(other.fd_, -1)), file_(std::exchange(other.file_, -1)) {}
 
 ControlClient::~ControlClient() {
   if (fd_ >= 0) ::close(fd_);
+  if (file_ >= 0) ::close(file_);
 }
 
 Status ControlClient::send(const nlohmann::json& request) {
@@ -56,11 +59,27 @@ Expected<nlohmann::json> ControlClient::receive(std::chrono::milliseconds patien
                    fmt::format("no answer from submapd within {} s", patience.count() / 1000));
   }
   std::vector<char> packet(kMaxReply_bytes);
-  const ssize_t size = ::recv(fd_, packet.data(), packet.size(), 0);
+  iovec text{packet.data(), packet.size()};
+  alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof file_)> rights{};
+  msghdr message{};
+  message.msg_iov = &text;
+  message.msg_iovlen = 1;
+  message.msg_control = rights.data();
+  message.msg_controllen = rights.size();
+  const ssize_t size = ::recvmsg(fd_, &message, MSG_CMSG_CLOEXEC);
+  const cmsghdr* const header = size > 0 ? CMSG_FIRSTHDR(&message) : nullptr;
+  if (header != nullptr && header->cmsg_level == SOL_SOCKET && header->cmsg_type == SCM_RIGHTS) {
+    if (const int old = take_file(); old >= 0) ::close(old);
+    std::memcpy(&file_, CMSG_DATA(header), sizeof file_);
+  }
   if (size <= 0) return failure(StatusCode::kUnavailable, "submapd has closed the connection");
   nlohmann::json reply = nlohmann::json::parse(packet.begin(), packet.begin() + size, nullptr, false);
   if (!reply.is_object()) return failure(StatusCode::kCorrupt, "submapd's answer is none");
   return reply;
+}
+
+int ControlClient::take_file() {
+  return std::exchange(file_, -1);
 }
 
 Expected<nlohmann::json> ControlClient::ask(const nlohmann::json& request) {

@@ -21,11 +21,14 @@ class ControlClient {
   Status send(const nlohmann::json& request);
   // The next reply. Errors: kUnavailable (none within `patience`, or the daemon has gone), kCorrupt.
   [[nodiscard]] Expected<nlohmann::json> receive(std::chrono::milliseconds patience);
+  // The open file that came with the last reply, which is the caller's from now on; -1: none.
+  [[nodiscard]] int take_file();
   [[nodiscard]] Expected<nlohmann::json> ask(const nlohmann::json& request);
 
  private:
   explicit ControlClient(int fd) : fd_(fd) {}
   int fd_;
+  int file_ = -1;
 };
 
 // A reply's text field, empty if there is none.

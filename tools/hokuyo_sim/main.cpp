@@ -46,6 +46,7 @@ struct Arguments {
   std::size_t vertical = 2;
   double ceiling_m = 2.8;
   double speed_m_s = 1.0;
+  double stand_s = 0.0;
   std::vector<std::string> faults;
   driver::SimSensorOptions sensor;
   double boot_s = 1.5;
@@ -97,8 +98,12 @@ Expected<std::vector<driver::SimSensorOptions>> sensors_of(const Arguments& argu
 }
 
 using MakeRanges = std::function<std::unique_ptr<driver::RangeSource>(std::size_t scanner)>;
+struct Surroundings {
+  MakeRanges ranges;
+  TruthLog::PoseAt pose_at;  // empty: recorded
+};
 
-Expected<MakeRanges> recorded_ranges(const std::string& path) {
+Expected<Surroundings> recorded_ranges(const std::string& path) {
   auto reader =
       open_log(path, [](std::string_view channel, std::span<const std::byte> data) -> Expected<std::optional<Scan>> {
         if (channel != Channels().scan_h) {
@@ -128,10 +133,10 @@ Expected<MakeRanges> recorded_ranges(const std::string& path) {
   if (scans.empty()) {
     return failure(StatusCode::kInvalidArgument, path + " holds no scans");
   }
-  return MakeRanges([scans](std::size_t) { return std::make_unique<driver::RecordedRanges>(scans); });
+  return Surroundings{[scans](std::size_t) { return std::make_unique<driver::RecordedRanges>(scans); }, {}};
 }
 
-Expected<MakeRanges> simulated_ranges(const Arguments& arguments) {
+Expected<Surroundings> simulated_ranges(const Arguments& arguments) {
   const auto scene = make_scene({arguments.world, "", 0.05, arguments.sensor.seed});
   if (!scene) {
     return failure(scene.error());
@@ -146,15 +151,18 @@ Expected<MakeRanges> simulated_ranges(const Arguments& arguments) {
     return failure(motion.error());
   }
   const auto cart = std::make_shared<const Motion>(std::move(*motion));
-  const std::int64_t start_ns = driver::monotonic_now_ns();
-  return MakeRanges([=, world = scene->world](std::size_t scanner) {
+  const std::int64_t start_ns = driver::monotonic_now_ns() + static_cast<std::int64_t>(1e9 * arguments.stand_s);
+  const auto ranges_of = [=, world = scene->world](std::size_t scanner) {
     WorldRangesOptions ranges;
     ranges.seed = arguments.sensor.seed + scanner;
     ranges.vertical = scanner + 1 == arguments.vertical;
     ranges.ceiling_m = arguments.ceiling_m;
     ranges.start_ns = start_ns;
     return std::make_unique<WorldRanges>(world, cart, ranges);
-  });
+  };
+  return Surroundings{ranges_of, [cart, start_ns](std::int64_t mono_ns) {
+                        return cart->at(1e-9 * static_cast<double>(mono_ns - start_ns));
+                      }};
 }
 
 void wait_for_signal() {
@@ -191,14 +199,14 @@ int run_command(const std::vector<std::string>& command) {
 }
 
 int serve_umockdev(const Arguments& arguments, const std::vector<driver::SimSensorOptions>& sensors,
-                   const MakeRanges& ranges, TruthLog& truth) {
+                   const Surroundings& around, TruthLog& truth) {
   UmockdevFront front;
   for (std::size_t i = 0; i < sensors.size(); ++i) {
     EmulatedScanner scanner;
     scanner.port = fmt::format("1-{}", i + 1);
     scanner.sensor = sensors[i];
-    scanner.ranges = [&ranges, i] { return ranges(i); };
-    scanner.truth = truth.sink(i + 1, sensors[i].serial);
+    scanner.ranges = [&around, i] { return around.ranges(i); };
+    scanner.truth = truth.sink(i + 1, sensors[i].serial, around.pose_at);
     front.plug(std::move(scanner));
   }
   if (!arguments.command.empty()) {
@@ -212,10 +220,11 @@ int serve_umockdev(const Arguments& arguments, const std::vector<driver::SimSens
 
 using Models = std::vector<std::unique_ptr<driver::SimSensor>>;
 
-Models make_models(const std::vector<driver::SimSensorOptions>& sensors, const MakeRanges& ranges, TruthLog& truth) {
+Models make_models(const std::vector<driver::SimSensorOptions>& sensors, const Surroundings& around, TruthLog& truth) {
   Models models;
   for (std::size_t i = 0; i < sensors.size(); ++i) {
-    models.push_back(std::make_unique<driver::SimSensor>(sensors[i], ranges(i), truth.sink(i + 1, sensors[i].serial)));
+    models.push_back(std::make_unique<driver::SimSensor>(sensors[i], around.ranges(i),
+                                                         truth.sink(i + 1, sensors[i].serial, around.pose_at)));
   }
   return models;
 }
@@ -268,9 +277,9 @@ int serve(const Arguments& arguments) {
   if (!sensors) {
     return complain(sensors.error().message(), 2);
   }
-  const auto ranges = arguments.log.empty() ? simulated_ranges(arguments) : recorded_ranges(arguments.log);
-  if (!ranges) {
-    return complain(ranges.error().message(), 2);
+  const auto around = arguments.log.empty() ? simulated_ranges(arguments) : recorded_ranges(arguments.log);
+  if (!around) {
+    return complain(around.error().message(), 2);
   }
   auto truth = TruthLog::open(arguments.truth);
   if (!truth) {
@@ -283,9 +292,9 @@ int serve(const Arguments& arguments) {
   sigaddset(&signals, SIGTERM);
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   if (arguments.front == "umockdev") {
-    return serve_umockdev(arguments, *sensors, *ranges, **truth);
+    return serve_umockdev(arguments, *sensors, *around, **truth);
   }
-  const Models models = make_models(*sensors, *ranges, **truth);
+  const Models models = make_models(*sensors, *around, **truth);
   return arguments.front == "pty" ? serve_pty(*sensors, models) : serve_usbip(arguments.usbip_port, models);
 }
 
@@ -311,6 +320,9 @@ void add_options(CLI::App& app, Arguments& a) {
       ->capture_default_str();
   app.add_option("--speed", a.speed_m_s, "Top speed of the cart in m/s")
       ->check(CLI::Range(0.05, 5.0))
+      ->capture_default_str();
+  app.add_option("--stand", a.stand_s, "Seconds that the cart stands before it rolls")
+      ->check(CLI::Range(0.0, 600.0))
       ->capture_default_str();
   app.add_option(
          "--fault", a.faults,

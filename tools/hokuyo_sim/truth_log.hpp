@@ -3,12 +3,15 @@
 // Any number of sinks may be called from any threads.
 #pragma once
 
+#include <cstdint>
 #include <cstdio>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <string>
 
 #include "driver/sim/sim_sensor.hpp"
+#include "slam/base/pose2.hpp"
 #include "slam/base/status.hpp"
 
 namespace submapd::tools {
@@ -21,8 +24,10 @@ class TruthLog {
   TruthLog& operator=(const TruthLog&) = delete;
   ~TruthLog();
 
+  // Where the cart is at an instant of the monotonic clock; empty for recorded ranges.
+  using PoseAt = std::function<Pose2(std::int64_t mono_ns)>;
   // For scanner 1, 2, ... REQUIRES: not called after the log is gone.
-  [[nodiscard]] driver::SimSensor::TruthSink sink(std::size_t number, const std::string& serial);
+  [[nodiscard]] driver::SimSensor::TruthSink sink(std::size_t number, const std::string& serial, PoseAt pose_at);
 
  private:
   explicit TruthLog(std::FILE* file) : file_(file) {}

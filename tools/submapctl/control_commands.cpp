@@ -1,14 +1,19 @@
-// submapctl status, health, monitor, save-map, mark, pause, resume, new-run: what is asked of a running daemon.
+// submapctl status, health, monitor, save-map, get-map, mark, pause, resume, new-run: what is asked of a running
+// daemon.
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <cerrno>
 #include <chrono>
 #include <cstdio>
+#include <cstring>
 #include <memory>
 #include <random>
 #include <string>
 #include <thread>
+#include <vector>
 
+#include "slam/base/atomic_file.hpp"
 #include "tools/control/control_client.hpp"
 #include "tools/submapctl/commands.hpp"
 
@@ -26,6 +31,7 @@ struct ControlArguments {
   bool once = false;
   bool wait = false;
   bool force = false;
+  bool cloud = false;
   std::string name;
   std::int64_t utime_us = -1;
 };
@@ -90,11 +96,9 @@ int run_save_map(const ControlArguments& arguments) {
   Expected<ControlClient> client = ControlClient::connect(arguments.socket);
   if (!client) return report("save-map", client.error());
   std::random_device random;  // a process id would come again one day, and be taken for this request
-  const json request = {{"verb", "save-map"},
-                        {"id", fmt::format("{:08x}{:08x}", random(), random())},
-                        {"name", arguments.name},
-                        {"wait", arguments.wait},
-                        {"force", arguments.force}};
+  const json request = {{"verb", "save-map"},       {"id", fmt::format("{:08x}{:08x}", random(), random())},
+                        {"name", arguments.name},   {"wait", arguments.wait},
+                        {"cloud", arguments.cloud}, {"force", arguments.force}};
   Expected<json> reply = client->ask(request);
   const bool terminal = ::isatty(STDERR_FILENO) == 1;
   for (;;) {
@@ -107,6 +111,38 @@ int run_save_map(const ControlArguments& arguments) {
   if (terminal && arguments.wait) fmt::print(stderr, "\r\033[K");
   const std::string path = text_of(*reply, "path");
   fmt::print("{}\n", path.empty() ? text_of(*reply, "message") : path);
+  return 0;
+}
+
+// Copies an open file, from its start, to `path`.
+Status copy_file(int file, const std::string& path) {
+  AtomicFile out(path);
+  std::vector<char> piece(1U << 16);
+  for (off_t at = 0;;) {
+    const ssize_t size = ::pread(file, piece.data(), piece.size(), at);
+    if (size < 0) return {StatusCode::kIo, fmt::format("cannot read the picture: {}", std::strerror(errno))};
+    if (size == 0) return out.commit();
+    at += size;
+    if (Status status = out.write({piece.data(), static_cast<std::size_t>(size)}); !status.ok()) return status;
+  }
+}
+
+int run_get_map(const ControlArguments& arguments) {
+  Expected<ControlClient> client = ControlClient::connect(arguments.socket);
+  if (!client) return report("get-map", client.error());
+  Expected<json> reply = client->ask({{"verb", "get-map"}});
+  for (;;) {
+    if (!reply) return report("get-map", reply.error());
+    if (const int code = code_of("get-map", *reply); code != 0) return code;
+    if (text_of(*reply, "state") == "done") break;
+    reply = client->receive(kLongestSave);
+  }
+  const int file = client->take_file();
+  if (file < 0) return report("get-map", {StatusCode::kInternal, "submapd sent no picture"});
+  const Status status = copy_file(file, arguments.name);
+  ::close(file);
+  if (!status.ok()) return report("get-map", status);
+  fmt::print("{}\n", arguments.name);
   return 0;
 }
 
@@ -158,8 +194,12 @@ void register_control(CLI::App& app, CommandRun& run) {
 
   auto [save, save_arguments] = add("save-map", "Save the map as it is now; mapping goes on", run_save_map);
   save->add_option("NAME", save_arguments->name, "Default map-YYYYmmdd-HHMMSS (UTC)");
+  save->add_flag("--cloud", save_arguments->cloud, "With cloud.ply, from the vertical scanner's raw scans");
   save->add_flag("--wait", save_arguments->wait, "Until it is saved");
   save->add_flag("--force", save_arguments->force, "Replace a map of that name");
+
+  auto [picture, picture_arguments] = add("get-map", "A picture of the map as it is known now", run_get_map);
+  picture->add_option("OUT", picture_arguments->name, "PNG file")->required();
 
   add("pause", "Neither map nor record until resume; the map stays", run_pause);
   add("resume", "Go on after pause", run_resume);

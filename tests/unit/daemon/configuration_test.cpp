@@ -139,7 +139,21 @@ TEST(ConfigurationTest, TheDescriptionParsesBackToTheDefaults) {
   EXPECT_EQ(parsed->recorder.raw_file_bytes, defaults.recorder.raw_file_bytes);
   EXPECT_EQ(parsed->recorder.disk_low_bytes, defaults.recorder.disk_low_bytes);
   EXPECT_EQ(parsed->recorder.disk_last_bytes, defaults.recorder.disk_last_bytes);
-  EXPECT_EQ(described_keys().size(), 42U) << "compare the new key's field above";
+  const ScannerMount& mount = parsed->scanner.vertical_mount;
+  EXPECT_EQ(mount.x_m, 0.0);
+  EXPECT_EQ(mount.y_m, 0.0);
+  EXPECT_EQ(mount.z_m, 0.0);
+  EXPECT_EQ(mount.roll_rad, 0.0);
+  EXPECT_NEAR(mount.pitch_rad, defaults.scanner.vertical_mount.pitch_rad, 1e-5) << "six digits of pi/2";
+  EXPECT_EQ(mount.yaw_rad, 0.0);
+  EXPECT_EQ(parsed->lcm.triggers, defaults.lcm.triggers);
+  EXPECT_EQ(parsed->lcm.commands, defaults.lcm.commands);
+  EXPECT_EQ(parsed->button.device, defaults.button.device);
+  EXPECT_EQ(parsed->button.key, defaults.button.key);
+  EXPECT_EQ(parsed->button.cloud, defaults.button.cloud);
+  EXPECT_EQ(parsed->hook.command, defaults.hook.command);
+  EXPECT_EQ(parsed->hook.longest_s, defaults.hook.longest_s);
+  EXPECT_EQ(described_keys().size(), 55U) << "compare the new key's field above";
 }
 
 TEST(ConfigurationTest, EveryKeySetsItsField) {
@@ -151,6 +165,12 @@ horizontal_port = "1-1.2"
 vertical_port = "1-2"
 intensity = true
 stamp_to_first_beam = 3125.0
+vertical_x = 0.1
+vertical_y = 0.2
+vertical_z = 0.3
+vertical_roll = 0.4
+vertical_pitch = 0.5
+vertical_yaw = 0.6
 [daemon]
 state = "/srv/cart"
 control_socket = "/srv/socket"
@@ -160,11 +180,20 @@ workers = 3
 url = "udpm://239.255.76.68:7668?ttl=1"
 prefix = "CART_7"
 scan_every = 5
+triggers = true
+commands = true
 [recorder]
 raw = false
 raw_file = 31000000
 disk_low = 32000000
 disk_last = 33000000
+[button]
+device = "/dev/input/by-id/pedal"
+key = 30
+cloud = true
+[hook]
+command = "/usr/local/bin/lamp"
+longest = 31
 [filter]
 mode = "fastslam"
 particles = 11
@@ -218,6 +247,22 @@ line_matching = false
   EXPECT_EQ(parsed->recorder.raw_file_bytes, 31'000'000U);
   EXPECT_EQ(parsed->recorder.disk_low_bytes, 32'000'000U);
   EXPECT_EQ(parsed->recorder.disk_last_bytes, 33'000'000U);
+  const ScannerMount& mount = parsed->scanner.vertical_mount;
+  EXPECT_EQ(mount.x_m, 0.1);
+  EXPECT_EQ(mount.y_m, 0.2);
+  EXPECT_EQ(mount.z_m, 0.3);
+  EXPECT_EQ(mount.roll_rad, 0.4);
+  EXPECT_EQ(mount.pitch_rad, 0.5);
+  EXPECT_EQ(mount.yaw_rad, 0.6);
+  EXPECT_TRUE(parsed->lcm.triggers);
+  EXPECT_TRUE(parsed->lcm.commands);
+  EXPECT_EQ(parsed->button.device, "/dev/input/by-id/pedal");
+  EXPECT_EQ(parsed->button.key, 30);
+  EXPECT_TRUE(parsed->button.cloud);
+  EXPECT_EQ(parsed->hook.command, "/usr/local/bin/lamp");
+  EXPECT_EQ(parsed->hook.longest_s, 31);
+  EXPECT_EQ(changed_keys(Configuration{}, *parsed).size(), described_keys().size()) << "every key is another";
+  EXPECT_TRUE(changed_keys(*parsed, *parsed).empty());
   const MapperOptions& m = parsed->mapper;
   EXPECT_EQ(m.filter, FilterMode::kFastSlam);
   EXPECT_EQ(m.particles, 11);
@@ -270,7 +315,7 @@ TEST(ConfigurationTest, NumbersAreTakenAtBothEndsOfTheirRangeAndRefusedBeyond) {
       EXPECT_EQ(error_of(file_with(key, fmt::format("{:.0f}", std::ceil(range.low)))), "") << "2 is a number too";
     }
   }
-  EXPECT_EQ(numbers, 27);
+  EXPECT_EQ(numbers, 35);
 }
 
 TEST(ConfigurationTest, SwitchesAndTextsTakeTheirValuesOnly) {
@@ -292,6 +337,15 @@ TEST(ConfigurationTest, SwitchesAndTextsTakeTheirValuesOnly) {
         EXPECT_EQ(error_of(file_with(key, fmt::format("\"{}\"", good))), "");
       }
       for (const char* const wrong : {"1", "\"H0 1\"", "\"\\u0000\"", "\"abcdefghijklmnopqrstuvwxyz0123456\""}) {
+        EXPECT_THAT(error_of(file_with(key, wrong)), HasSubstr(key.rule)) << wrong;
+      }
+      continue;
+    }
+    if (key.rule.starts_with("empty, or ")) {
+      for (const char* const good : {"\"\"", "\"/dev/input/by-id/pedal\""}) {
+        EXPECT_EQ(error_of(file_with(key, good)), "");
+      }
+      for (const char* const wrong : {"1", "\"pedal\"", "\"/a b\""}) {
         EXPECT_THAT(error_of(file_with(key, wrong)), HasSubstr(key.rule)) << wrong;
       }
       continue;
@@ -320,8 +374,10 @@ TEST(ConfigurationTest, UnknownNamesAreToldWithTheKnownOnes) {
   EXPECT_EQ(error_of("[keyframe]\n\ndistanse = 1\n"),
             "cart.toml:3: unknown key \"distanse\" in [keyframe]; known are distance, turn, wait");
   EXPECT_THAT(error_of("\n[keyfram]\ndistance = 1\n"), HasSubstr("unknown section [keyfram]"));
-  EXPECT_THAT(error_of("\n[keyfram]\ndistance = 1\n"),
-              HasSubstr("known are scanner, daemon, lcm, recorder, filter, keyframe, submap, map, budget, experiment"));
+  EXPECT_THAT(
+      error_of("\n[keyfram]\ndistance = 1\n"),
+      HasSubstr(
+          "known are scanner, daemon, lcm, recorder, button, hook, filter, keyframe, submap, map, budget, experiment"));
   EXPECT_THAT(error_of("[nothing]\n"), HasSubstr("cart.toml:1: unknown section [nothing]")) << "an empty one too";
   EXPECT_THAT(error_of("particles = 3\n"), HasSubstr("cart.toml:1: key \"particles\" stands outside any section"));
 }

@@ -77,6 +77,21 @@ TEST_F(ControlServerTest, AnswersAndKnowsWhoAsks) {
   EXPECT_EQ(info.st_mode & 0777, 0660U);
 }
 
+TEST_F(ControlServerTest, SilentClientsMakeRoomForTheNext) {
+  options_.most_clients = 2;
+  options_.patience_ns = 0;
+  start();
+  Expected<ControlClient> waits = ControlClient::connect(path());
+  ASSERT_TRUE(waits.has_value() && waits->ask("keep").has_value());
+  Expected<ControlClient> silent = ControlClient::connect(path());
+  ASSERT_TRUE(silent.has_value() && silent->ask("hello").has_value());
+  Expected<ControlClient> next = ControlClient::connect(path());
+  ASSERT_TRUE(next.has_value());
+  EXPECT_EQ((*next->ask("hello"))["clients"], 2);
+  EXPECT_FALSE(silent->ask("hello").has_value()) << "shut out";
+  EXPECT_TRUE(waits->ask("hello").has_value());
+}
+
 TEST_F(ControlServerTest, ALongPacketEndsTheConnectionAndNothingElse) {
   start();
   Expected<ControlClient> client = ControlClient::connect(path());
@@ -88,6 +103,7 @@ TEST_F(ControlServerTest, ALongPacketEndsTheConnectionAndNothingElse) {
 
 TEST_F(ControlServerTest, MoreClientsThanAllowedAreTurnedAway) {
   options_.most_clients = 3;
+  options_.patience_ns = options_.idle_ns;
   start();
   std::vector<ControlClient> clients;
   for (std::size_t i = 0; i < options_.most_clients; ++i) {

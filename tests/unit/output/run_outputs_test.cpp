@@ -87,16 +87,21 @@ class RunOutputsTest : public testing::Test {
 };
 
 TEST_F(RunOutputsTest, MarksLieBetweenTheScansAboutThem) {
+  // A second sub-map begins at 1.5 s where the first did, its heading sure to 0.1 rad, its place to 0.3 m across.
+  result.submaps.push_back({1, {}});
+  const Eigen::Vector3d variances(0.0, 0.09, 0.01);
+  result.bounds = {{1'000'000, Eigen::Matrix3d::Zero()}, {1'500'000, variances.asDiagonal()}};
   const auto written =
       write(3, {{"early", 999'999}, {"start", 1'000'001}, {"way", 1'250'000}, {"end", 2'000'000}, {"late", 2'000'001}});
   ASSERT_TRUE(written.has_value()) << written.error().message();
   EXPECT_DOUBLE_EQ(written->path_m, 1.0);
   // The filter saw 0.8 m where the optimised key-frames are 1 m apart: half of the way 0.4 + 0.1.
   EXPECT_EQ(read_text(folder.path() / "marks.csv"),
-            "name,utime_us,x_m,y_m,yaw_rad\n"
-            "start,1000001,0.000001,0.000000,0.00000000\n"
-            "way,1250000,0.250000,0.000000,0.00000000\n"
-            "end,2000000,1.000000,0.000000,0.00000000\n");
+            "name,utime_us,x_m,y_m,yaw_rad,sigma_m,sigma_rad\n"
+            "start,1000001,0.000001,0.000000,0.00000000,0.0000,0.000000\n"
+            "way,1250000,0.250000,0.000000,0.00000000,0.0000,0.000000\n"
+            "end,2000000,1.000000,0.000000,0.00000000,0.3162,0.100000\n");
+  EXPECT_NEAR(written->quality.bend_m, 0.2, 1e-9) << "the filter had 0.8 m";
 }
 
 TEST_F(RunOutputsTest, ScansBeyondTheResultAreLeftOut) {

@@ -1,0 +1,161 @@
+#include "daemon/lcm_inputs.hpp"
+
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <chrono>
+#include <lcm/lcm-cpp.hpp>
+#include <memory>
+#include <span>
+#include <system_error>
+#include <utility>
+
+#include "daemon/map_folder.hpp"
+#include "daemon/multicast_route.hpp"
+#include "daemon/realtime.hpp"
+#include "proto/channels.hpp"
+#include "proto/lcm_message.hpp"
+#include "submapd/command_t.hpp"
+#include "submapd/trigger_t.hpp"
+
+namespace submapd {
+namespace {
+
+constexpr std::size_t kMostWaiting = 64;
+constexpr int kQueue = 64;         // messages that LCM keeps of a channel
+constexpr int kListen_ms = 100;    // between two looks at the end
+constexpr int kLooksAtRoute = 20;  // between two tries for a network
+
+std::span<const std::byte> bytes_of(const lcm::ReceiveBuffer* buffer) {
+  return {static_cast<const std::byte*>(buffer->data), buffer->data_size};
+}
+
+}  // namespace
+
+LcmInputs::LcmInputs(const LcmConfiguration& configuration)
+    : configuration_(configuration), fd_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
+  if (fd_ < 0) throw std::system_error(errno, std::generic_category(), "eventfd");
+  thread_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
+}
+
+LcmInputs::~LcmInputs() {
+  thread_.request_stop();
+  thread_.join();
+  ::close(fd_);
+}
+
+std::optional<ControlRequest> LcmInputs::take() {
+  const MutexLock lock(mutex_);
+  if (requests_.empty()) {
+    eventfd_t count = 0;
+    (void)::eventfd_read(fd_, &count);
+    return std::nullopt;
+  }
+  ControlRequest request = std::move(requests_.front());
+  requests_.pop_front();
+  return request;
+}
+
+LcmInputCounters LcmInputs::counters() const {
+  return {taken_.load(), bad_.load(), dropped_.load()};
+}
+
+Expected<ControlRequest> LcmInputs::decode_trigger(std::span<const std::byte> bytes) {
+  Expected<trigger_t> message = decode_with_text<trigger_t>(bytes);
+  if (!message) return failure(message.error());
+  ControlRequest request;
+  request.verb = ControlVerb::kMark;
+  request.name = std::move(message->name);
+  if (!is_name(request.name)) return failure(StatusCode::kInvalidArgument, "trigger_t: no name");
+  if (message->utime < 0) return failure(StatusCode::kInvalidArgument, "trigger_t: before 1970");
+  if (message->utime > 0) request.utime_us = message->utime;
+  return request;
+}
+
+Expected<ControlRequest> LcmInputs::decode_command(std::span<const std::byte> bytes) {
+  Expected<command_t> message = decode_with_text<command_t>(bytes);
+  if (!message) return failure(message.error());
+  ControlRequest request;
+  switch (message->command) {
+    case command_t::SAVE_MAP:
+      request.verb = ControlVerb::kSaveMap;
+      break;
+    case command_t::PAUSE:
+      request.verb = ControlVerb::kPause;
+      break;
+    case command_t::RESUME:
+      request.verb = ControlVerb::kResume;
+      break;
+    case command_t::MARK:
+      request.verb = ControlVerb::kMark;
+      break;
+    default:
+      return failure(StatusCode::kInvalidArgument, "command_t: unknown command");
+  }
+  request.name = std::move(message->name);
+  const bool may_go_without = request.verb != ControlVerb::kMark;
+  if (!is_name(request.name) && !(may_go_without && request.name.empty())) {
+    return failure(StatusCode::kInvalidArgument, "command_t: no name");
+  }
+  return request;
+}
+
+void LcmInputs::on_message(Expected<ControlRequest> request) {
+  if (!request) {
+    bad_.fetch_add(1, std::memory_order_relaxed);
+    return;
+  }
+  const MutexLock lock(mutex_);
+  if (requests_.size() >= kMostWaiting) {
+    dropped_.fetch_add(1, std::memory_order_relaxed);
+    return;
+  }
+  requests_.push_back(std::move(*request));
+  taken_.fetch_add(1, std::memory_order_relaxed);
+  (void)::eventfd_write(fd_, 1);
+}
+
+void LcmInputs::run(const std::stop_token& stop) {
+  name_thread("inputs");
+  const Channels channels(configuration_.prefix);
+  std::unique_ptr<lcm::LCM> network;
+  int looks = 0;
+  while (!stop.stop_requested()) {
+    if (network == nullptr) {
+      if (looks++ % kLooksAtRoute != 0 || !has_multicast_route(configuration_.url)) {
+        std::this_thread::sleep_for(std::chrono::milliseconds(kListen_ms));
+        continue;
+      }
+      network = std::make_unique<lcm::LCM>(configuration_.url);
+      if (!network->good()) {
+        network.reset();
+        continue;
+      }
+      using Buffer = const lcm::ReceiveBuffer*;
+      if (configuration_.triggers) {
+        network
+            ->subscribeFunction(
+                channels.trigger,
+                +[](Buffer buffer, const std::string&, LcmInputs* self) {
+                  self->on_message(decode_trigger(bytes_of(buffer)));
+                },
+                this)
+            ->setQueueCapacity(kQueue);
+      }
+      if (configuration_.commands) {
+        network
+            ->subscribeFunction(
+                channels.command,
+                +[](Buffer buffer, const std::string&, LcmInputs* self) {
+                  self->on_message(decode_command(bytes_of(buffer)));
+                },
+                this)
+            ->setQueueCapacity(kQueue);
+      }
+    }
+    if (network->handleTimeout(kListen_ms) < 0) network.reset();
+  }
+}
+
+}  // namespace submapd
