@@ -32,7 +32,6 @@ submapd_man_page(daemon ${packages}/submapd.toml.5)
 submapd_man_page(daemon ${pages}/submapd.8)
 submapd_man_page(tools ${PROJECT_SOURCE_DIR}/tools/submapctl/submapctl.1)
 submapd_man_page(tools ${PROJECT_SOURCE_DIR}/tools/hokuyo_sim/hokuyo-sim.1)
-add_custom_target(package_documents ALL DEPENDS ${documents})
 
 # submapd_package(COMPONENT NAME DESCRIPTION LONG): what all packages share.
 macro(submapd_package COMPONENT NAME DESCRIPTION LONG)
@@ -78,4 +77,17 @@ hokuyo-sim emulates UTM-30LX scanners.")
 set(CPACK_DEBIAN_TOOLS_PACKAGE_RECOMMENDS "bash-completion")
 set(CPACK_DEBIAN_TOOLS_PACKAGE_SUGGESTS "liblcm-bin, umockdev")
 
+if(SUBMAPD_JAVA)
+  list(APPEND CPACK_COMPONENTS_ALL java)
+  submapd_man_page(java ${PROJECT_SOURCE_DIR}/proto/submap-spy.1)
+  submapd_package(java libsubmapd-types-java "LCM types of the submapd mapping daemon for Java, and a spy"
+"The messages of submapd for Java programs, and submap-spy, which shows them
+as they come.")
+  set(CPACK_DEBIAN_JAVA_PACKAGE_ARCHITECTURE all)
+  set(CPACK_DEBIAN_JAVA_PACKAGE_SECTION java)
+  set(CPACK_DEBIAN_JAVA_PACKAGE_SHLIBDEPS OFF)
+  set(CPACK_DEBIAN_JAVA_PACKAGE_DEPENDS "liblcm-java, libjchart2d-java, default-jre | java11-runtime")
+endif()
+
+add_custom_target(package_documents ALL DEPENDS ${documents})
 include(CPack)

@@ -102,8 +102,14 @@ def maps_what_the_scanners_see():
     start_with_scanners()
 
 
+def stop_with_scanners():
+    # One after the other: the emulation does not stand a client that vanishes, nor the client its end.
+    run("systemctl", "stop", "submapd.service")
+    run("systemctl", "stop", "emulator.service", code=None)
+
+
 def start_with_scanners():
-    run("systemctl", "stop", "submapd.service", "emulator.service")
+    stop_with_scanners()
     run("systemctl", "start", "emulator.service")
     wait_for("the emulator", lambda: pathlib.Path("/run/emulator/environment").read_text(encoding="utf-8").strip())
     run("systemctl", "start", "submapd.service")
@@ -164,15 +170,15 @@ def lcms_own_tools_record_and_play_it():
 
 def a_thread_that_hangs_gets_it_restarted():
     main = show("MainPID")
-    threads = {pathlib.Path(task, "comm").read_text(encoding="utf-8").strip(): int(task.name)
-               for task in pathlib.Path("/proc", main, "task").iterdir()}
-    mapper = threads["mapper"]
+    # Its workers have the mapper's name, and come after it.
+    mapper = min(int(task.name) for task in pathlib.Path("/proc", main, "task").iterdir()
+                 if pathlib.Path(task, "comm").read_text(encoding="utf-8").strip() == "mapper")
     libc = ctypes.CDLL(None, use_errno=True)
     seize, interrupt, all_threads = 0x4206, 0x4207, 0x40000000
     for request in (seize, interrupt):
         assert libc.ptrace(request, mapper, None, None) == 0, os.strerror(ctypes.get_errno())
     os.waitpid(mapper, all_threads)  # it stands
-    os.waitpid(mapper, all_threads)  # it is gone with its process
+    wait_for("the hanging process to go", lambda: os.waitpid(mapper, all_threads | os.WNOHANG)[0] == mapper)
     wait_for("the restart", lambda: show("NRestarts") == "1" and show("ActiveState") == "active")
     assert show("MainPID") != main
     said = run("journalctl", "--no-pager", "-u", "submapd").stdout
@@ -194,7 +200,7 @@ def a_wrong_configuration_is_told_once():
     assert 'unknown key "nonsense"' in run("journalctl", "--no-pager", "-u", "submapd").stdout
     CONFIGURATION.write_text(good, encoding="utf-8")
     run("systemctl", "reset-failed", "submapd.service")
-    start_with_scanners()
+    run("systemctl", "start", "submapd.service")
 
 
 def an_upgrade_keeps_what_was_set():
@@ -206,12 +212,14 @@ def an_upgrade_keeps_what_was_set():
 
 
 def it_stops_in_good_order():
-    run("systemctl", "stop", "submapd.service", "emulator.service")
+    stop_with_scanners()
     assert show("Result") == "success" and show("ExecMainStatus") == "0"
 
 
 def removed_it_leaves_configuration_and_runs():
-    run("systemctl", "start", "submapd.service", code=None)  # as far as it comes without its emulator
+    pathlib.Path("/etc/systemd/system/submapd.service.d/emulated.conf").unlink()
+    run("systemctl", "daemon-reload")
+    run("systemctl", "start", "submapd.service")
     run("dpkg", "--remove", "submapd")
     assert show("ActiveState") != "active" and not pathlib.Path("/usr/sbin/submapd").exists()
     assert CONFIGURATION.exists() and list(RUNS.glob("*/maps/hall/MANIFEST"))
@@ -227,9 +235,9 @@ def purged_it_leaves_the_runs_alone():
     assert "submapd" not in run("dpkg-query", "-W", "-f", "${Package}\n").stdout
 
 
-for step in (is_started_by_its_package, has_no_rights_it_does_not_need, maps_what_the_scanners_see, is_the_operators,
-             lcms_own_tools_record_and_play_it, a_thread_that_hangs_gets_it_restarted, it_is_restarted_when_killed,
-             a_wrong_configuration_is_told_once, an_upgrade_keeps_what_was_set, it_stops_in_good_order,
+for step in (is_started_by_its_package, has_no_rights_it_does_not_need, a_thread_that_hangs_gets_it_restarted,
+             it_is_restarted_when_killed, a_wrong_configuration_is_told_once, maps_what_the_scanners_see, is_the_operators,
+             lcms_own_tools_record_and_play_it, an_upgrade_keeps_what_was_set, it_stops_in_good_order,
              removed_it_leaves_configuration_and_runs, purged_it_leaves_the_runs_alone):
     begun = time.monotonic()
     step()

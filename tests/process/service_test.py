@@ -13,8 +13,8 @@ import tempfile
 GUEST = pathlib.Path(__file__).resolve().with_name("service_guest.py")
 PAYLOAD = """[Service]
 Type=oneshot
-StandardOutput=file:/out/messages
-StandardError=inherit
+StandardOutput=append:/out/messages
+StandardError=append:/out/messages
 ExecStart={python} {guest} {packages}
 ExecStopPost=/bin/sh -c 'echo $SERVICE_RESULT $EXIT_STATUS >/out/result; journalctl --no-pager -u submapd >/out/journal; systemctl --no-block poweroff'
 """
@@ -42,6 +42,8 @@ def copy_of_this_machine(scratch):
         PAYLOAD.format(python=sys.executable, guest=GUEST, packages=packages), encoding="utf-8")
     # Containers' images forbid packages to start services.
     (root / "usr/sbin/policy-rc.d").unlink(missing_ok=True)
+    # Rebuilding the machine's index of manual pages takes longer than all the rest.
+    (root / "var/lib/man-db/auto-update").unlink(missing_ok=True)
     return root
 
 
@@ -62,7 +64,7 @@ with tempfile.TemporaryDirectory() as folder:
     root = copy_of_this_machine(scratch)
     try:
         booted = subprocess.run(
-            ["timeout", "-k", "5", "240", "systemd-nspawn", "--quiet", "--keep-unit", "--register=no", "-D", root, "--boot",
+            ["timeout", "-k", "5", "180", "systemd-nspawn", "--quiet", "--keep-unit", "--register=no", "-D", root, "--boot",
              "--private-network", f"--bind={scratch}/out:/out", "systemd.unit=submapd-test.target",
              "systemd.show_status=0"],
             stdin=subprocess.DEVNULL, capture_output=True, text=True, errors="replace")
