@@ -4,9 +4,11 @@ import re
 import subprocess
 import sys
 import tempfile
+import zipfile
 
 BUILD = pathlib.Path(sys.argv[1])
 PACKAGES = BUILD / "packages"
+TYPES = pathlib.Path(__file__).resolve().parents[2] / "proto/lcm"
 
 
 def run(*words):
@@ -55,6 +57,21 @@ def the_tools_are_apart():
     assert not [path for path in held if path.startswith("/etc")], held
 
 
+def java_is_apart():
+    packages = list(PACKAGES.glob("libsubmapd-types-java_*_all.deb"))
+    if not packages:
+        print("There is no package for Java: the build found no JDK or no liblcm-java.", file=sys.stderr)
+        return
+    held = files(packages[0])
+    assert {"/usr/share/java/submapd-types.jar", "/usr/bin/submap-spy"} <= set(held), held
+    with tempfile.TemporaryDirectory() as folder:
+        run("dpkg-deb", "-x", packages[0], folder)
+        with zipfile.ZipFile(f"{folder}/usr/share/java/submapd-types.jar") as jar:
+            classes = {pathlib.PurePath(name).stem for name in jar.namelist() if name.endswith(".class")}
+    types = {path.stem for path in TYPES.glob("*.lcm")}
+    assert classes == types and len(types) > 5, classes ^ types
+
+
 def nothing_of_this_machine_is_inside():
     for package in PACKAGES.glob("*.deb"):
         with tempfile.TemporaryDirectory() as folder:
@@ -71,4 +88,5 @@ for old in PACKAGES.glob("*.deb"):
 run("cpack", "--config", BUILD / "CPackConfig.cmake")
 the_daemon_has_all_it_needs()
 the_tools_are_apart()
+java_is_apart()
 nothing_of_this_machine_is_inside()
