@@ -32,6 +32,7 @@ submapd_man_page(daemon ${packages}/submapd.toml.5)
 submapd_man_page(daemon ${pages}/submapd.8)
 submapd_man_page(tools ${PROJECT_SOURCE_DIR}/tools/submapctl/submapctl.1)
 submapd_man_page(tools ${PROJECT_SOURCE_DIR}/tools/hokuyo_sim/hokuyo-sim.1)
+submapd_man_page(tools ${PROJECT_SOURCE_DIR}/proto/submap-spy.1)
 
 # submapd_package(COMPONENT NAME DESCRIPTION LONG): what all packages share.
 macro(submapd_package COMPONENT NAME DESCRIPTION LONG)
@@ -73,20 +74,19 @@ set(CPACK_DEBIAN_DAEMON_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 
 submapd_package(tools submapd-tools "control, replay and emulation tools of the submapd mapping daemon"
 "submapctl controls the daemon, replays its logs and simulates worlds for it;
-hokuyo-sim emulates UTM-30LX scanners.")
+hokuyo-sim emulates UTM-30LX scanners; submap-spy shows messages.")
 set(CPACK_DEBIAN_TOOLS_PACKAGE_RECOMMENDS "bash-completion")
-set(CPACK_DEBIAN_TOOLS_PACKAGE_SUGGESTS "liblcm-bin, umockdev")
+set(CPACK_DEBIAN_TOOLS_PACKAGE_SUGGESTS "liblcm-bin, umockdev, libsubmapd-types-java, libjchart2d-java, default-jre")
 
 if(SUBMAPD_JAVA)
   list(APPEND CPACK_COMPONENTS_ALL java)
-  submapd_man_page(java ${PROJECT_SOURCE_DIR}/proto/submap-spy.1)
-  submapd_package(java libsubmapd-types-java "LCM types of the submapd mapping daemon for Java, and a spy"
-"The messages of submapd for Java programs, and submap-spy, which shows them
-as they come.")
+  submapd_package(java libsubmapd-types-java "LCM types of the submapd mapping daemon for Java"
+"The messages of submapd for Java programs; with it submap-spy shows them as
+they come.")
   set(CPACK_DEBIAN_JAVA_PACKAGE_ARCHITECTURE all)
   set(CPACK_DEBIAN_JAVA_PACKAGE_SECTION java)
   set(CPACK_DEBIAN_JAVA_PACKAGE_SHLIBDEPS OFF)
-  set(CPACK_DEBIAN_JAVA_PACKAGE_DEPENDS "liblcm-java, libjchart2d-java, default-jre | java11-runtime")
+  set(CPACK_DEBIAN_JAVA_PACKAGE_DEPENDS liblcm-java)
 endif()
 
 add_custom_target(package_documents ALL DEPENDS ${documents})

@@ -51,7 +51,7 @@ def the_daemon_has_all_it_needs():
 
 def the_tools_are_apart():
     held = files(one("submapd-tools_*.deb"))
-    for path in ("/usr/bin/submapctl", "/usr/bin/hokuyo-sim", "/usr/share/man/man1/submapctl.1.gz",
+    for path in ("/usr/bin/submapctl", "/usr/bin/hokuyo-sim", "/usr/bin/submap-spy", "/usr/share/man/man1/submapctl.1.gz",
                  "/usr/share/man/man1/hokuyo-sim.1.gz", "/usr/share/bash-completion/completions/submapctl"):
         assert path in held, held
     assert not [path for path in held if path.startswith("/etc")], held
@@ -63,7 +63,7 @@ def java_is_apart():
         print("There is no package for Java: the build found no JDK or no liblcm-java.", file=sys.stderr)
         return
     held = files(packages[0])
-    assert {"/usr/share/java/submapd-types.jar", "/usr/bin/submap-spy"} <= set(held), held
+    assert "/usr/share/java/submapd-types.jar" in held, held
     with tempfile.TemporaryDirectory() as folder:
         run("dpkg-deb", "-x", packages[0], folder)
         with zipfile.ZipFile(f"{folder}/usr/share/java/submapd-types.jar") as jar:

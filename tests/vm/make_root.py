@@ -15,7 +15,7 @@ INCLUDE = "systemd,systemd-sysv,udev,dbus,kmod,iproute2,usbip,linux-image-amd64,
 EXCLUDE = ["/usr/share/doc/*", "/usr/share/man/*", "/usr/share/locale/*", "/lib/modules/*/kernel/drivers/*",
            "/lib/modules/*/kernel/sound/*", "/lib/modules/*/kernel/fs/*", "/lib/modules/*/kernel/net/*"]
 KEEP = ["drivers/usb/*", "drivers/virtio/*", "drivers/block/virtio_blk*", "drivers/net/virtio_net*",
-        "drivers/net/net_failover*", "net/core/*", "fs/ext4/*", "fs/jbd2/*", "fs/mbcache*"]
+        "drivers/net/net_failover*", "net/core/*", "fs/autofs/*", "fs/ext4/*", "fs/jbd2/*", "fs/mbcache*"]
 RAMDISK = "virtio_pci virtio_blk ext4 crc32c_generic"
 
 
