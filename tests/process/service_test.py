@@ -16,7 +16,8 @@ Type=oneshot
 StandardOutput=append:/out/messages
 StandardError=append:/out/messages
 ExecStart={python} {guest} {packages}
-ExecStopPost=/bin/sh -c 'echo $SERVICE_RESULT $EXIT_STATUS >/out/result; journalctl --no-pager -u submapd >/out/journal; systemctl --no-block poweroff'
+ExecStopPost=/bin/sh -c 'echo $SERVICE_RESULT $EXIT_STATUS >/out/result'
+ExecStopPost=/bin/sh -c 'journalctl --no-pager -u submapd >/out/journal; systemctl --no-block poweroff'
 """
 
 

@@ -51,6 +51,10 @@ the_service_runs_by_itself() {
 }
 
 the_scanners_are_plugged_in() {
+  for card in /sys/class/net/e*; do
+    ip link set "${card##*/}" up
+    ip address add 10.0.2.15/24 dev "${card##*/}"
+  done
   modprobe vhci-hcd
   for port in 1-1 1-2; do
     usbip --tcp-port "$(word submapd.port)" attach -r 10.0.2.2 -b "$port"

@@ -1,8 +1,8 @@
 """Makes what the VM boots: a clean Debian 12 with a kernel, into which apt installs our packages and what they depend on.
 
-usage: make_root.py PACKAGES_FOLDER FOLDER   writes FOLDER/root.tar, and FOLDER/root.key, which tells what it was made of.
+usage: make_root.py PACKAGES_FOLDER FOLDER   makes FOLDER/root.folder and prints its path.
 
-Needs root, mmdebstrap and Debian's mirror. Without our packages it is made once (base.tar) and used again.
+Needs root, mmdebstrap and Debian's mirror. What it is before our packages come is kept in FOLDER/base-*.tar and used again.
 """
 import hashlib
 import pathlib
@@ -13,7 +13,8 @@ import sys
 INCLUDE = "systemd,systemd-sysv,udev,dbus,kmod,iproute2,usbip,linux-image-amd64,initramfs-tools"
 # Of the kernel's modules only what the VM has: a tenth of them, and the initial ramdisk is made in seconds.
 EXCLUDE = ["/usr/share/doc/*", "/usr/share/man/*", "/usr/share/locale/*", "/lib/modules/*/kernel/drivers/*",
-           "/lib/modules/*/kernel/sound/*", "/lib/modules/*/kernel/fs/*", "/lib/modules/*/kernel/net/*"]
+           "/lib/modules/*/kernel/arch/x86/kvm/*", "/lib/modules/*/kernel/sound/*", "/lib/modules/*/kernel/fs/*",
+           "/lib/modules/*/kernel/net/*"]
 KEEP = ["drivers/usb/*", "drivers/virtio/*", "drivers/block/virtio_blk*", "drivers/net/virtio_net*",
         "drivers/net/net_failover*", "net/core/*", "fs/autofs/*", "fs/ext4/*", "fs/jbd2/*", "fs/mbcache*"]
 RAMDISK = "virtio_pci virtio_blk ext4 crc32c_generic"
@@ -40,7 +41,8 @@ def install(base, packages, root):
     # Names of mirrors are found where the machine finds them.
     shutil.copy("/etc/resolv.conf", with_ours / "etc/resolv.conf")
     for words in (["apt-get", "update", "-q"],
-                  ["apt-get", "install", "-q", "--yes", "--no-install-recommends", *[f"/tmp/{name}" for name in names]]):
+                  ["apt-get", "install", "-q", "--yes", "--no-install-recommends", *[f"/tmp/{name}" for name in names]],
+                  ["apt-get", "clean"]):
         done = subprocess.run(["chroot", with_ours, "env", "DEBIAN_FRONTEND=noninteractive", *words], capture_output=True,
                               text=True)
         if done.returncode != 0:

@@ -26,19 +26,11 @@ Type=exec
 StandardOutput=file:/dev/ttyS1
 StandardError=file:/dev/ttyS1
 ExecStart=/bin/sh /opt/guest.sh
-ExecStopPost=/usr/bin/systemctl --no-block poweroff
 [Install]
 WantedBy=multi-user.target
 """
-NETWORK = """[Unit]
-Before=network.target
-[Service]
-Type=oneshot
-ExecStart=/bin/sh -c 'for d in /sys/class/net/e*; do d=$${d##*/}; ip link set $$d up; ip address add 10.0.2.15/24 dev $$d; done'
-[Install]
-WantedBy=multi-user.target
-"""
-CONFIGURATION = """
+CONFIGURATION = """[daemon]
+control_group = "submapd-operators"
 [scanner]
 horizontal = "00900001"
 vertical = "00900002"
@@ -58,16 +50,14 @@ def skip(why):
 def make_disk(root, disk):
     units = root / "etc/systemd/system"
     (root / "opt/guest.sh").write_text((HERE / "guest.sh").read_text(encoding="utf-8"), encoding="utf-8")
-    for name, text in (("vm-test.service", UNIT), ("vm-network.service", NETWORK)):
-        (units / name).write_text(text, encoding="utf-8")
-        wanted = units / "multi-user.target.wants" / name
-        wanted.unlink(missing_ok=True)
-        wanted.symlink_to(units / name)
+    (units / "vm-test.service").write_text(UNIT, encoding="utf-8")
+    wanted = units / "multi-user.target.wants/vm-test.service"
+    wanted.unlink(missing_ok=True)
+    wanted.symlink_to("/etc/systemd/system/vm-test.service")
     for name in MASKED:
         (units / name).unlink(missing_ok=True)
         (units / name).symlink_to("/dev/null")
-    with (root / "etc/submapd/submapd.toml").open("a", encoding="utf-8") as file:
-        file.write(CONFIGURATION)
+    (root / "etc/submapd/submapd.toml").write_text(CONFIGURATION, encoding="utf-8")
     (root / "etc/fstab").write_text("/dev/vda / ext4 defaults 0 1\n", encoding="utf-8")
     subprocess.run(["mke2fs", "-q", "-t", "ext4", "-d", root, "-E", "root_owner=0:0", disk, "1500M"], check=True)
 
@@ -79,9 +69,10 @@ class Machine:
         kernel, = (root / "boot").glob("vmlinuz-*")
         ramdisk, = (root / "boot").glob("initrd.img-*")
         self.qemu = subprocess.Popen([
-            "nice", "qemu-system-x86_64", "-accel", "tcg,thread=multi", "-cpu", "max", "-smp", "2", "-m", "768", "-display", "none",
-            "-nodefaults", "-no-reboot", "-kernel", kernel, "-initrd", ramdisk,
-            "-append", f"console=ttyS0 root=/dev/vda rw quiet systemd.show_status=0 submapd.boot={boot} submapd.port={port}",
+            "nice", "qemu-system-x86_64", "-accel", "tcg,thread=multi", "-cpu", "max", "-smp", "2", "-m", "768",
+            "-display", "none", "-nodefaults", "-no-reboot", "-kernel", kernel, "-initrd", ramdisk,
+            "-append", "console=ttyS0 root=/dev/vda rw quiet systemd.firstboot=off systemd.show_status=0 "
+                       f"submapd.boot={boot} submapd.port={port}",
             "-drive", f"file={disk},format=raw,if=virtio", "-netdev", "user,id=n", "-device", "virtio-net-pci,netdev=n",
             "-serial", f"file:{self.console}", "-serial", f"file:{self.result}"])
 
@@ -112,7 +103,7 @@ def boot(number, words, root, disk, port, folder):
         fine = machine.wait_for(words)
     finally:
         machine.cut_the_power()
-    print(f"---- boot {number}, {time.monotonic() - begun:.0f} s; what the guest said, with its uptime:\n{machine.said()}", flush=True)
+    print(f"---- boot {number}, {time.monotonic() - begun:.0f} s; the guest, with its uptime:\n{machine.said()}", flush=True)
     if not fine:
         console = machine.console.read_text(encoding="utf-8", errors="replace") if machine.console.exists() else ""
         sys.exit(f"boot {number} did not come to \"{words}\"; the console's end:\n{console[-3000:]}")
@@ -138,8 +129,8 @@ def main():
         make_disk(root, disk)
         print(f"---- the disk is made after {time.monotonic() - begun:.0f} s", flush=True)
         # Slow enough for an emulated processor; the stamps are the host's.
-        sim = subprocess.Popen([sim_program, "--front", "usbip", "--usbip-port", "0", "--scanners", "2", "--boot", "0", "--speed", "1"],
-                               stdout=subprocess.PIPE, text=True)
+        sim = subprocess.Popen([sim_program, "--front", "usbip", "--usbip-port", "0", "--scanners", "2", "--boot", "0",
+                                "--speed", "1"], stdout=subprocess.PIPE, text=True)
         try:
             port = int(sim.stdout.readline().rsplit(":", 1)[1])
             boot(1, "POWER: cut it", root, disk, port, folder)
