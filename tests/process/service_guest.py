@@ -76,7 +76,7 @@ def is_started_by_its_package():
         grp.getgrnam(group)
     state = pathlib.Path("/var/lib/submapd").stat()
     assert (state.st_uid, state.st_mode & 0o777) == (pwd.getpwnam("submapd").pw_uid, 0o750)
-    assert "224.0.0.0/4 dev lo" in run("ip", "route").stdout
+    assert "239.255.76.67 dev lo" in run("ip", "route").stdout
 
 
 def has_no_rights_it_does_not_need():
