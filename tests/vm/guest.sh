@@ -39,7 +39,7 @@ the_service_runs_by_itself() {
   main=$(systemctl show --value -p MainPID submapd.service)
   # As the user submapd, without capabilities: LimitRTPRIO and LimitMEMLOCK are enough.
   grep -q '^CapEff:.*0000000000000000' "/proc/$main/status" || fail "it has capabilities"
-  locked=$(sed -n 's/^VmLck: *\([0-9]*\) kB/\1/p' "/proc/$main/status")
+  locked=$(sed -n 's/^VmLck:[[:space:]]*\([0-9]*\) kB/\1/p' "/proc/$main/status")
   [ "$locked" -gt 10000 ] || fail "only $locked kB are locked"
   for thread in usb:60 mapper:40; do
     for task in "/proc/$main/task/"*; do

@@ -13,7 +13,7 @@ import sys
 INCLUDE = "systemd,systemd-sysv,udev,dbus,kmod,iproute2,usbip,linux-image-amd64,initramfs-tools"
 # Of the kernel's modules only what the VM has: a tenth of them, and the initial ramdisk is made in seconds.
 EXCLUDE = ["/usr/share/doc/*", "/usr/share/man/*", "/usr/share/locale/*", "/lib/modules/*/kernel/drivers/*",
-           "/lib/modules/*/kernel/arch/x86/kvm/*", "/lib/modules/*/kernel/sound/*", "/lib/modules/*/kernel/fs/*",
+           "/lib/modules/*/kernel/sound/*", "/lib/modules/*/kernel/fs/*",
            "/lib/modules/*/kernel/net/*"]
 KEEP = ["drivers/usb/*", "drivers/virtio/*", "drivers/block/virtio_blk*", "drivers/net/virtio_net*",
         "drivers/net/net_failover*", "net/core/*", "fs/autofs/*", "fs/ext4/*", "fs/jbd2/*", "fs/mbcache*"]
