@@ -66,7 +66,7 @@ def process_status():
 
 
 def is_started_by_its_package():
-    # This machine may lack udev; the clean root of tests/vm has all dependencies.
+    # This machine may lack udev.
     run("dpkg", "--ignore-depends=udev", "--install", *PACKAGES)
     assert run("systemctl", "is-enabled", "submapd.service", "submapd-lcm-route.service").stdout.split() == ["enabled"] * 2
     # Type=notify: active means that READY=1 was sent, and there is no scanner far and wide.
