@@ -231,7 +231,7 @@ def purged_it_leaves_the_runs_alone():
     assert list(RUNS.glob("*/maps/hall/MANIFEST")) and not CONFIGURATION.parent.exists()
     for wants in pathlib.Path("/etc/systemd/system").rglob("submapd*.service"):
         assert not wants.is_symlink(), wants
-    run("dpkg", "--purge", "submapd-tools")
+    run("dpkg", "--purge", *{pathlib.Path(package).name.split("_")[0] for package in PACKAGES} - {"submapd"})
     assert "submapd" not in run("dpkg-query", "-W", "-f", "${Package}\n").stdout
 
 
