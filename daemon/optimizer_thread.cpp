@@ -60,7 +60,9 @@ OptimizerThread::OptimizerThread(OptimizerThreadOptions options, lcm::LCM& lcm, 
       back_end_(back_end),
       wake_up_(std::make_unique<WakeUp>()),
       assembler_(options_.cart, options_.run, std::move(known_hash), options_.chunk_bytes_limit) {
-  if (lcm_.good()) {
+  // LCM tries its self test here, and subscribes to nothing (a null pointer) if a packet filter stops that.
+  receive_fd_ = lcm_.good() ? lcm_.getFileno() : -1;
+  if (receive_fd_ >= 0) {
     // Not subscribe() with a method: g++ 12's -fsanitize=vptr misjudges the method call in LCM's header.
     subscription_ = lcm_.subscribeFunction(options_.channels.submap, &OptimizerThread::on_chunk, this);
     subscription_->setQueueCapacity(options_.queue_capacity);
@@ -194,7 +196,7 @@ Status OptimizerThread::loop(const std::stop_token& stop) {
       timeout_ms = std::max(0, static_cast<int>(left.count()));
     }
     // poll() ignores negative descriptors: without LCM it waits for announcements alone.
-    std::array<pollfd, 2> fds{{{wake_up_->fd(), POLLIN, 0}, {lcm_.good() ? lcm_.getFileno() : -1, POLLIN, 0}}};
+    std::array<pollfd, 2> fds{{{wake_up_->fd(), POLLIN, 0}, {receive_fd_, POLLIN, 0}}};
     if (::poll(fds.data(), fds.size(), timeout_ms) < 0 && errno != EINTR) {
       return Status(StatusCode::kIo, fmt::format("optimizer thread: poll: {}", std::generic_category().message(errno)));
     }
@@ -226,7 +228,7 @@ Status OptimizerThread::loop(const std::stop_token& stop) {
 }
 
 Status OptimizerThread::drain(const std::stop_token& stop) {
-  if (!lcm_.good()) return {};
+  if (receive_fd_ < 0) return {};
   for (int messages = 0; messages < kDrainMessages && !stop.stop_requested(); ++messages) {
     const int handled = lcm_.handleTimeout(0);
     if (handled < 0) return Status(StatusCode::kIo, "optimizer thread: LCM cannot receive");

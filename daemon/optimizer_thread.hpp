@@ -108,6 +108,7 @@ class OptimizerThread {
 
   const OptimizerThreadOptions options_;
   lcm::LCM& lcm_;
+  int receive_fd_ = -1;  // -1: LCM cannot receive
   SubmapSource& source_;
   BackEnd& back_end_;
   const std::unique_ptr<WakeUp> wake_up_;

@@ -268,5 +268,16 @@ TEST(OptimizerThreadWithoutLcm, ReadsTheArchiveUponAnnouncement) {
   EXPECT_EQ(rig.thread->counters().reread, 1U);
 }
 
+// LCM is there and cannot receive, as under a packet filter: nobody listens at that port.
+TEST(OptimizerThreadWithoutLcm, ReadsTheArchiveIfLcmCannotReceive) {
+  OptimizerRig rig("tcpq://127.0.0.1:1");
+  ASSERT_TRUE(rig.sender().good());
+  rig.options.lost_after = std::chrono::milliseconds(0);
+  rig.start();
+  (void)rig.save_and_send(0);
+  ASSERT_TRUE(rig.thread->wait_until_processed(0).ok());
+  EXPECT_EQ(rig.thread->counters().reread, 1U);
+}
+
 }  // namespace
 }  // namespace submapd
