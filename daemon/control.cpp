@@ -44,7 +44,7 @@ sigset_t control_signals() {
 }
 
 Control::Control(const Configuration& configuration, LiveRun& run, ServiceManager& service)
-    : run_(run), service_(service) {
+    : run_(run), service_(service), marks_(run.marks()) {
   const sigset_t signals = control_signals();
   signal_fd_ = ::signalfd(-1, &signals, SFD_CLOEXEC | SFD_NONBLOCK);
   timer_fd_ = ::timerfd_create(CLOCK_MONOTONIC, TFD_CLOEXEC | TFD_NONBLOCK);

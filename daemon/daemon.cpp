@@ -20,8 +20,8 @@ namespace submapd {
 namespace {
 
 // One run, from its start to the last byte on the disk.
-Control::End run_once(const Configuration& configuration, ServiceManager& service) {
-  const Expected<std::unique_ptr<LiveRun>> run = LiveRun::start(configuration);
+Control::End run_once(const Configuration& configuration, const std::string& input, ServiceManager& service) {
+  const Expected<std::unique_ptr<LiveRun>> run = LiveRun::start(configuration, input);
   if (!run) {
     log(Severity::kError, run.error().message());
     return Control::End::kError;
@@ -39,7 +39,7 @@ Control::End run_once(const Configuration& configuration, ServiceManager& servic
 
 }  // namespace
 
-int run_daemon(const Configuration& configuration) {
+int run_daemon(const Configuration& configuration, const std::string& input) {
   const sigset_t signals = control_signals();
   ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   ::signal(SIGPIPE, SIG_IGN);
@@ -48,7 +48,7 @@ int run_daemon(const Configuration& configuration) {
   if (Status status = lock_memory(); !status.ok()) log(Severity::kWarning, status.message());
   ServiceManager service;
   Control::End end = Control::End::kNewRun;
-  while (end == Control::End::kNewRun) end = run_once(configuration, service);
+  while (end == Control::End::kNewRun) end = run_once(configuration, input, service);
   service.stopping();
   log(Severity::kInfo, "ended");
   return end == Control::End::kSignal ? 0 : 1;

@@ -7,6 +7,6 @@ namespace submapd {
 
 // Runs until SIGTERM or SIGINT and returns the exit code: 0 ended by a signal, 1 could not start or go on. Call from
 // the main thread before any other is made: its threads inherit the blocked signals.
-[[nodiscard]] int run_daemon(const Configuration& configuration);
+[[nodiscard]] int run_daemon(const Configuration& configuration, const std::string& input);
 
 }  // namespace submapd

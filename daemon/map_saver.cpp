@@ -22,7 +22,6 @@ namespace {
 constexpr int kTries = 3;                         // the open sub-map may close while the graph is prepared
 constexpr std::uint64_t kRoom_bytes = 64U << 20;  // less room on the disk is not worth a try
 constexpr std::chrono::seconds kRecorderPatience{10};
-constexpr std::chrono::milliseconds kLookAgain{10};
 
 }  // namespace
 
@@ -90,21 +89,24 @@ void MapSaver::run() {
     progress_.percent = status.ok() ? 100 : progress_.percent;
     progress_.path = status.ok() ? (folder_.maps() / request.name).string() : "";
     progress_.status = std::move(status);
+    idle_.notify_all();
   }
 }
 
-Status MapSaver::wait_for_recorder(const OpenRun& run) const {
+Status MapSaver::wait_for_recorder(const OpenRun& run) {
   const std::int64_t before = std::int64_t{run.open->id.index} - 1;
-  const auto end = std::chrono::steady_clock::now() + kRecorderPatience;
-  for (;;) {
-    const RecorderState recorder = links_.recorder.state();
-    if (recorder.reports >= run.reports && recorder.last_submap >= before) return {};
-    if (std::chrono::steady_clock::now() > end) {
-      return {StatusCode::kUnavailable,
-              "the disk does not keep up" + (recorder.trouble.empty() ? std::string() : ": " + recorder.trouble)};
-    }
-    std::this_thread::sleep_for(kLookAgain);
+  if (links_.recorder.wait_until(run.reports, before, kRecorderPatience)) return {};
+  const std::string trouble = links_.recorder.state().trouble;
+  return {StatusCode::kUnavailable, "the disk does not keep up" + (trouble.empty() ? trouble : ": " + trouble)};
+}
+
+bool MapSaver::wait_until_idle(std::chrono::milliseconds patience) {
+  const auto end = std::chrono::steady_clock::now() + patience;
+  const MutexLock lock(mutex_);
+  while (progress_.state == SaveState::kWorking) {
+    if (idle_.wait_until(mutex_, end) == std::cv_status::timeout) return false;
   }
+  return true;
 }
 
 Expected<MapSaver::Solved> MapSaver::solve() {
@@ -150,7 +152,7 @@ Status MapSaver::save(const SaveRequest& request) {
                            .result = solved->result,
                            .submaps = submaps,
                            .poses = links_.poses,
-                           .scans = solved->run.reports - std::min(solved->run.reports, failed),
+                           .scans = links_.poses_before + solved->run.reports - std::min(solved->run.reports, failed),
                            .marks = request.marks};
   const Expected<RunOutputsSummary> written = write_run_outputs(outputs);
   if (!written) return written.error();
