@@ -136,6 +136,8 @@ void MapperThread::work_off_backlog() {
     heartbeat_.beat();
     serve_snapshot();
   }
+  options_.backlog = nullptr;  // holds a reader's buffers
+  options_.last.reset();
   mapper_->expect_gap();
   if (options_.real_time && priority_.ok()) (void)take_fifo_priority(kMapperPriority);
 }

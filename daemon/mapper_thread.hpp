@@ -105,7 +105,7 @@ class MapperThread {
   void close_run();
   void stop(Stop how);
 
-  const MapperThreadOptions options_;
+  MapperThreadOptions options_;
   const Uuid cart_;
   const Uuid run_;
   driver::ScanRing& scans_;
