@@ -47,6 +47,8 @@ MapperThread::MapperThread(const MapperThreadOptions& options, const Uuid& cart,
       pool_ = std::make_unique<ThreadPool>(options_.workers + 1);
       mapper_ = std::make_unique<Mapper>(options_.mapper, cart_, run_, *pool_);
       for (const ByteBudget& budget : mapper_->budgets()) bytes_limit_ += budget.limit;
+      // Before anybody can take what it closes meanwhile: that sub-map is in the archive.
+      if (options_.last) mapper_->resume_after(*options_.last);
     } catch (...) {
       ready.set_exception(std::current_exception());
       return;
@@ -115,7 +117,6 @@ void MapperThread::run() {
 // Not real-time: this reads the disk, and waits for the recorder, so that nothing is lost and nothing depends on time.
 void MapperThread::work_off_backlog() {
   if (options_.real_time && priority_.ok()) give_up_fifo_priority();
-  if (options_.last) mapper_->resume_after(*options_.last);
   while (const std::optional<Scan> scan = options_.backlog()) {
     const auto taken = [this] {
       return (to_recorder_.size() < to_recorder_.capacity() && !mapper_->has_finished()) || stop_.load() != Stop::kNo;

@@ -111,7 +111,8 @@ class Mapper {
 
   // Goes on with a run whose newest finished sub-map is `last`: its key-frames are inserted again as they were, which
   // gives the younger sub-map back, too. The next scan follows its last key-frame; after a sub-map that ended its track
-  // it begins another one, without a link. REQUIRES: no scan was processed. Allocates.
+  // it begins another one, without a link. REQUIRES: no scan was processed, and nobody takes finished sub-maps yet.
+  // Allocates.
   void resume_after(const FinishedSubmap& last);
 
   // Time has passed and nobody knows where the cart has been: the next scan is sought in the open sub-map, as far as
