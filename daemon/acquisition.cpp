@@ -1,5 +1,6 @@
 #include "daemon/acquisition.hpp"
 
+#include <algorithm>
 #include <future>
 
 #include "daemon/realtime.hpp"
@@ -24,9 +25,7 @@ driver::ScannersOptions scanners_options(const Configuration& configuration) {
 
 Acquisition::Acquisition(const Configuration& configuration, driver::Doorbell& mapper_bell,
                          driver::Doorbell& recorder_bell)
-    : mapper_ring_(static_cast<std::size_t>(configuration.daemon.mapper_ring), &mapper_bell),
-      recorder_h_(static_cast<std::size_t>(configuration.daemon.recorder_ring), &recorder_bell),
-      recorder_v_(static_cast<std::size_t>(configuration.daemon.recorder_ring), &recorder_bell),
+    : ScanInput(configuration, mapper_bell, recorder_bell),
       horizontal_(clock_options(configuration), {&mapper_ring_, &recorder_h_}),
       vertical_(clock_options(configuration), {&recorder_v_, nullptr}),
       scanners_(scanners_options(configuration), {&horizontal_, &vertical_}),
@@ -49,6 +48,14 @@ Status Acquisition::start() {
   });
   ready.get_future().wait();
   return {};
+}
+
+bool Acquisition::must_move() const {
+  // An open line always has a deadline that wakes the thread within a second or so.
+  const std::vector<driver::ScannerInfo> present = scanners();
+  return std::any_of(present.begin(), present.end(), [](const driver::ScannerInfo& scanner) {
+    return scanner.status.state == driver::SensorState::kStreaming;
+  });
 }
 
 void Acquisition::stop() {

@@ -1,7 +1,4 @@
 // The scanners and the thread that listens to them: from USB to the rings of mapper and recorder.
-//
-// Threads: made, started and stopped by the daemon; the rings' consumers are the mapper and the recorder; scanners(),
-// heartbeat() and quiet() by any.
 #pragma once
 
 #include <array>
@@ -10,33 +7,32 @@
 #include <thread>
 #include <vector>
 
-#include "daemon/configuration.hpp"
-#include "daemon/heartbeat.hpp"
+#include "daemon/scan_input.hpp"
+#include "daemon/scan_stamper.hpp"
 #include "driver/scan_pipeline.hpp"
 #include "driver/scanners.hpp"
 
 namespace submapd {
 
-class Acquisition {
+class Acquisition final : public ScanInput {
  public:
-  // The bells are rung when a ring has something; they must outlive the object.
   Acquisition(const Configuration& configuration, driver::Doorbell& mapper_bell, driver::Doorbell& recorder_bell);
-  Acquisition(const Acquisition&) = delete;
-  Acquisition& operator=(const Acquisition&) = delete;
-  ~Acquisition();
+  ~Acquisition() override;
 
   // kUnavailable if this system has no USB to listen to. Scanners may come at any time later.
-  [[nodiscard]] Status start();
+  Status start() override;
   // The streams end, the lasers go out; nothing is pushed any more when this returns.
-  void stop();
+  void stop() override;
 
-  [[nodiscard]] driver::ScanRing& mapper_ring() { return mapper_ring_; }
-  [[nodiscard]] driver::ScanRing& recorder_ring(driver::SensorRole role) {
-    return role == driver::SensorRole::kHorizontal ? recorder_h_ : recorder_v_;
+  [[nodiscard]] std::string kind() const override { return "usb"; }
+  [[nodiscard]] RunClock clock(std::optional<std::int64_t> after_us) const override {
+    return after_us ? RunClock::now_after(*after_us) : RunClock::now();
   }
-  [[nodiscard]] std::vector<driver::ScannerInfo> scanners() const { return scanners_.snapshot(); }
-  [[nodiscard]] const Heartbeat& heartbeat() const { return clients_.heartbeat; }
-  [[nodiscard]] const Status& priority() const { return priority_; }
+  [[nodiscard]] ScanGeometry geometry() const override { return utm30lx_geometry(); }
+  [[nodiscard]] std::vector<driver::ScannerInfo> scanners() const override { return scanners_.snapshot(); }
+  // The thread rests while no scanner is there.
+  [[nodiscard]] bool must_move() const override;
+  [[nodiscard]] const Heartbeat& heartbeat() const override { return clients_.heartbeat; }
 
  private:
   // Passes everything on and beats after each round of events.
@@ -57,15 +53,11 @@ class Acquisition {
     Heartbeat heartbeat;
   };
 
-  driver::ScanRing mapper_ring_;
-  driver::ScanRing recorder_h_;
-  driver::ScanRing recorder_v_;
   driver::ScanPipeline horizontal_;
   driver::ScanPipeline vertical_;
   driver::Scanners scanners_;
   Clients clients_;
   std::unique_ptr<driver::UsbHost> host_;
-  Status priority_;
   std::thread thread_;
 };
 

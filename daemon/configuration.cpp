@@ -175,6 +175,7 @@ std::vector<Key> keys_of(Configuration& c) {
   add("budget", "map_raster", "bytes", 1 << 20, 1e10, &c.map_raster_bytes, "the whole map while it is saved");
   add("experiment", "unwarp", "", 0, 0, &m.unwarp, "false: beams are not moved to the scan's stamp");
   add("experiment", "line_matching", "", 0, 0, &m.matcher.use_lines, "false: stage 2 of the matcher is off");
+  add("experiment", "slow_mapper", "ms", 0, 1000, &c.daemon.slow_mapper_ms, "the mapper takes this much longer a scan");
   return keys;
 }
 

@@ -27,10 +27,11 @@ struct ScannerConfiguration {
 struct DaemonConfiguration {
   std::string state = "/var/lib/submapd";  // folder of the runs and of the cart's identity
   std::string control_socket = "/run/submapd/control";
-  std::string control_group;  // who may use the socket besides the daemon's user; empty: the daemon's own group
-  int workers = 1;            // threads that help the mapper while it has several particles
-  int mapper_ring = 160;      // scans that may wait for the mapper
-  int recorder_ring = 400;    // scans of each scanner that may wait for the recorder
+  std::string control_group;    // who may use the socket besides the daemon's user; empty: the daemon's own group
+  int workers = 1;              // threads that help the mapper while it has several particles
+  int mapper_ring = 160;        // scans that may wait for the mapper
+  int recorder_ring = 400;      // scans of each scanner that may wait for the recorder
+  double slow_mapper_ms = 0.0;  // [experiment]: each scan takes so much longer
 };
 
 struct LcmConfiguration {

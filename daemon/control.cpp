@@ -51,7 +51,12 @@ sigset_t control_signals() {
 }
 
 Control::Control(Configuration& configuration, std::string path, LiveRun& run, ServiceManager& service)
-    : configuration_(configuration), path_(std::move(path)), run_(run), service_(service), hook_(configuration.hook) {
+    : configuration_(configuration),
+      path_(std::move(path)),
+      run_(run),
+      service_(service),
+      marks_(run.marks()),
+      hook_(configuration.hook) {
   const sigset_t signals = control_signals();
   signal_fd_ = ::signalfd(-1, &signals, SFD_CLOEXEC | SFD_NONBLOCK);
   timer_fd_ = ::timerfd_create(CLOCK_MONOTONIC, TFD_CLOEXEC | TFD_NONBLOCK);

@@ -20,15 +20,15 @@ namespace submapd {
 namespace {
 
 // One run, from its start to the last byte on the disk.
-Control::End run_once(Configuration& configuration, const std::string& path, ServiceManager& service) {
-  const Expected<std::unique_ptr<LiveRun>> run = LiveRun::start(configuration);
+Control::End run_once(Configuration& configuration, const StartOptions& options, ServiceManager& service) {
+  const Expected<std::unique_ptr<LiveRun>> run = LiveRun::start(configuration, options.input);
   if (!run) {
     log(Severity::kError, run.error().message());
     return Control::End::kError;
   }
   for (const std::string& remark : (*run)->remarks()) log(Severity::kWarning, remark);
   try {
-    Control control(configuration, path, **run, service);
+    Control control(configuration, options.configuration, **run, service);
     service.ready();
     return control.serve();
   } catch (const std::exception& error) {  // no descriptors left, or no socket
@@ -39,7 +39,7 @@ Control::End run_once(Configuration& configuration, const std::string& path, Ser
 
 }  // namespace
 
-int run_daemon(Configuration configuration, const std::string& path) {
+int run_daemon(Configuration configuration, const StartOptions& options) {
   const sigset_t signals = control_signals();
   ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   ::signal(SIGPIPE, SIG_IGN);
@@ -48,7 +48,7 @@ int run_daemon(Configuration configuration, const std::string& path) {
   if (Status status = lock_memory(); !status.ok()) log(Severity::kWarning, status.message());
   ServiceManager service;
   Control::End end = Control::End::kNewRun;
-  while (end == Control::End::kNewRun) end = run_once(configuration, path, service);
+  while (end == Control::End::kNewRun) end = run_once(configuration, options, service);
   service.stopping();
   log(Severity::kInfo, "ended");
   return end == Control::End::kSignal ? 0 : 1;

@@ -7,9 +7,13 @@
 
 namespace submapd {
 
-// `path`: of the configuration file, read again upon SIGHUP. Runs until SIGTERM or SIGINT and returns the exit code: 0
-// ended by a signal, 1 could not start or go on. Call from the main thread before any other is made: its threads
-// inherit the blocked signals.
-[[nodiscard]] int run_daemon(Configuration configuration, const std::string& path);
+struct StartOptions {
+  std::string configuration;  // its file, read again upon SIGHUP
+  std::string input;          // usb, lcm or the path of a log
+};
+
+// Runs until SIGTERM or SIGINT and returns the exit code: 0 ended by a signal, 1 could not start or go on. Call from
+// the main thread before any other is made: its threads inherit the blocked signals.
+[[nodiscard]] int run_daemon(Configuration configuration, const StartOptions& options);
 
 }  // namespace submapd

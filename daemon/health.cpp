@@ -71,6 +71,7 @@ std::string trouble_of(const Health& health) {
   if (!health.optimizer_trouble.empty()) return "the optimizer has stopped: " + health.optimizer_trouble;
   if (!health.recorder.trouble.empty()) return health.recorder.trouble;
   if (health.recorder.disk == DiskState::kLast) return "the disk is full: raw scans are not recorded; make room";
+  if (!health.input_trouble.empty()) return health.input_trouble;
   if (!health.scanners[0].configured) {
     return "no scanner has the role to map; say which with: submapctl sensors --assign H=SERIAL V=SERIAL";
   }
@@ -156,6 +157,8 @@ nlohmann::json json_of(const Health& health) {
           {"run", health.run},
           {"state", state_name(state_of(health))},
           {"message", trouble_of(health)},
+          {"input", health.input},
+          {"input_ended", health.input_ended},
           {"scanners", scanners},
           {"mapper",
            {{"scans", health.mapper.scans},

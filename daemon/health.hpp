@@ -40,6 +40,9 @@ struct Health {
   Uuid cart_id;
   Uuid run_id;
   std::array<ScannerHealth, driver::kSensorRoles> scanners;  // by SensorRole
+  std::string input;                                         // usb, lcm or file
+  bool input_ended = false;
+  std::string input_trouble;
   MapperState mapper;
   RecorderState recorder;
   PublisherState publisher;

@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <exception>
 
+#include "daemon/daemon_log.hpp"
 #include "daemon/multicast_route.hpp"
 #include "daemon/version.hpp"
 #include "driver/monotonic.hpp"
@@ -17,7 +18,12 @@ namespace {
 
 constexpr std::size_t kReports = 160;  // four seconds
 constexpr std::int64_t kSecond_ns = 1'000'000'000;
-constexpr std::int64_t kDiskRate_ns = 10 * kSecond_ns;  // over which the raw log's growth is measured
+constexpr std::int64_t kDiskRate_ns = 10 * kSecond_ns;    // over which the raw log's growth is measured
+constexpr std::int64_t kAfterLast_us = 1'000'000;         // a run goes on at least this long after its newest scan
+constexpr std::chrono::milliseconds kSavePatience{5000};  // at the end of a run
+// Scans that may wait when their source can: few for the mapper, a second's for the recorder.
+constexpr std::uint64_t kWaiting = 4;
+constexpr std::uint64_t kUnwritten = 40;
 
 std::size_t resident_bytes() {
   std::FILE* const file = std::fopen("/proc/self/statm", "re");
@@ -31,11 +37,10 @@ std::size_t resident_bytes() {
 
 }  // namespace
 
-Expected<std::unique_ptr<LiveRun>> LiveRun::start(const Configuration& configuration) {
-  Expected<RunFolder> folder = begin_run(configuration.daemon.state);
-  if (!folder) return failure(folder.error());
+Expected<std::unique_ptr<LiveRun>> LiveRun::start(const Configuration& configuration, const std::string& input) {
   try {
-    std::unique_ptr<LiveRun> run(new LiveRun(configuration, std::move(*folder)));
+    std::unique_ptr<LiveRun> run(new LiveRun(configuration));
+    if (Status status = run->choose_run(input); !status.ok()) return failure(status);
     if (Status status = run->open_files(); !status.ok()) return failure(status);
     if (Status status = run->start_threads(); !status.ok()) return failure(status);
     return run;
@@ -44,38 +49,87 @@ Expected<std::unique_ptr<LiveRun>> LiveRun::start(const Configuration& configura
   }
 }
 
-LiveRun::LiveRun(const Configuration& configuration, RunFolder folder)
+LiveRun::LiveRun(const Configuration& configuration)
     : configuration_(configuration),
-      folder_(std::move(folder)),
       mapper_bell_(make_doorbell()),
       recorder_bell_(make_doorbell()),
       publisher_bell_(make_doorbell()),
       to_publisher_(kReports, &publisher_bell_),
       to_recorder_(kReports, &recorder_bell_),
-      acquisition_(configuration_, mapper_bell_, recorder_bell_),
-      usb_watch_(acquisition_.heartbeat()) {}
+      clock_watch_(RunClock::system_offset_ns()) {}
+
+Status LiveRun::choose_run(const std::string& input) {
+  Expected<std::unique_ptr<ScanInput>> made = make_input(input, configuration_, mapper_bell_, recorder_bell_);
+  if (!made) return made.error();
+  input_ = std::move(*made);
+  Expected<UnfinishedRun> unfinished = find_unfinished_run(configuration_, input_->kind());
+  if (unfinished) {
+    folder_ = std::move(unfinished->folder);
+    resume_ = std::move(unfinished->point);
+    const std::int64_t last_us = *std::max_element(resume_->last_stamp_us.begin(), resume_->last_stamp_us.end());
+    folder_.clock = input_->clock(last_us + kAfterLast_us);
+    input_->skip_until(resume_->last_stamp_us);
+    marks_ = resume_->marks;
+    remarks_.push_back(
+        fmt::format("run {} was cut off and goes on, with {} finished sub-maps", folder_.name, resume_->hashes.size()));
+    return {};
+  }
+  if (unfinished.error().code() != StatusCode::kNotFound) {
+    remarks_.push_back(unfinished.error().message() + "; it stays as it is and a new run begins");
+  }
+  Expected<RunFolder> folder = begin_run(configuration_.daemon.state, input_->clock(std::nullopt));
+  if (!folder) return folder.error();
+  folder_ = std::move(*folder);
+  return {};
+}
 
 Status LiveRun::open_files() {
-  Expected<std::unique_ptr<RunJournal>> journal = RunJournal::create(folder_.journal(), folder_.cart, folder_.run);
+  Expected<std::unique_ptr<RunJournal>> journal =
+      resume_ ? RunJournal::reopen(folder_.journal(), resume_->journal)
+              : RunJournal::create(folder_.journal(), folder_.cart, folder_.run);
   if (!journal) return journal.error();
   journal_ = std::move(*journal);
-  if (Status status = journal_->append({folder_.clock.utime_us(), RunStarted{folder_.clock.offset_ns(), kVersion}});
-      !status.ok()) {
-    return status;
+  std::vector<JournalEvent> first;
+  if (resume_) {
+    first.emplace_back(RunContinued{folder_.clock.offset_ns(), kVersion});
+    for (std::size_t i = resume_->hashes.size() - resume_->adopted; i < resume_->hashes.size(); ++i) {
+      first.emplace_back(SubmapSaved{static_cast<std::uint32_t>(i), resume_->hashes[i]});
+    }
+    for (std::uint32_t i = 0; i < resume_->hashes.size(); ++i) hashes_.add(i, resume_->hashes[i]);
+  } else {
+    first = {RunStarted{folder_.clock.offset_ns(), kVersion}, InputIs{input_->kind()}};
+  }
+  for (JournalEvent& event : first) {
+    if (Status status = journal_->append({folder_.clock.utime_us(), std::move(event)}); !status.ok()) return status;
   }
   Expected<std::unique_ptr<SubmapArchive>> archive =
       SubmapArchive::open(folder_.submaps(), configuration_.submap_cache_bytes);
   if (!archive) return archive.error();
   archive_ = std::move(*archive);
-  Expected<std::unique_ptr<PoseSpool>> poses = PoseSpool::create(folder_.path);
+  const std::int64_t until_us = resume_ ? resume_->mapped_until_us() : std::numeric_limits<std::int64_t>::min();
+  Expected<std::unique_ptr<PoseSpool>> poses = PoseSpool::open(folder_.poses(), until_us);
   if (!poses) return poses.error();
   poses_ = std::move(*poses);
+  return resume_ && resume_->last ? add_missing_poses() : Status();
+}
+
+// The newest poses may not have reached the disk: key-frames tell theirs.
+Status LiveRun::add_missing_poses() {
+  const Keyframe* before = nullptr;
+  for (const Keyframe& k : resume_->last->keyframes) {
+    if (k.stamp_us > poses_->last_stamp_us()) {
+      const Pose2 step = before != nullptr ? between(before->pose, k.pose) : Pose2{};
+      if (Status status = poses_->add({k.stamp_us, k.scan_index, {}, step, true, before != nullptr}); !status.ok()) {
+        return status;
+      }
+    }
+    before = &k;
+  }
+  poses_before_ = poses_->size();
   return {};
 }
 
-Status LiveRun::start_threads() {
-  const Channels channels(configuration_.lcm.prefix);
-
+void LiveRun::start_optimizer(const Channels& channels) {
   OptimizerOptions optimizer_options;
   optimizer_options.graph_bytes_limit = configuration_.graph_bytes;
   optimizer_ = std::make_unique<Optimizer>(optimizer_options, *archive_);
@@ -91,51 +145,94 @@ Status LiveRun::start_threads() {
   optimizer_thread_ = std::make_unique<OptimizerThread>(
       thread_options, *optimizer_lcm_,
       [this](std::uint32_t index, const Sha256& hash) { return hashes_.find(index) == hash; }, *archive_, *optimizer_);
+}
 
+void LiveRun::start_mapper() {
+  MapperThreadOptions options;
+  options.mapper = configuration_.mapper;
+  options.geometry = input_->geometry();
+  options.workers = configuration_.daemon.workers;
+  options.slow_ms = configuration_.daemon.slow_mapper_ms;
+  options.real_time = input_->kind() != "file";  // which never rests
+  if (resume_) {
+    options.resumed = true;
+    options.last = resume_->last;
+    const std::optional<std::uint64_t> after =
+        resume_->last ? std::optional(resume_->last->keyframes.back().scan_index) : std::nullopt;
+    options.backlog = scans_after(*resume_, folder_.run, Channels(configuration_.lcm.prefix), after);
+    options.first_index = resume_->next_index[0];
+    options.after_us = resume_->last_stamp_us[0];
+  }
+  mapper_ = std::make_unique<MapperThread>(options, folder_.cart, folder_.run, folder_.clock, input_->mapper_ring(),
+                                           mapper_bell_, pause_, to_publisher_, to_recorder_);
+}
+
+Status LiveRun::start_threads() {
+  const Channels channels(configuration_.lcm.prefix);
+  start_optimizer(channels);
   publisher_ = std::make_unique<PublisherThread>(
       PublisherThreadOptions{configuration_.lcm.url, channels, !optimizer_lcm_->good()}, folder_.cart, folder_.run,
-      to_publisher_, publisher_bell_, *optimizer_thread_);
-
-  MapperThreadOptions mapper_options;
-  mapper_options.mapper = configuration_.mapper;
-  mapper_options.geometry = utm30lx_geometry();
-  mapper_options.workers = configuration_.daemon.workers;
-  mapper_ =
-      std::make_unique<MapperThread>(mapper_options, folder_.cart, folder_.run, folder_.clock,
-                                     acquisition_.mapper_ring(), mapper_bell_, pause_, to_publisher_, to_recorder_);
-
-  recorder_ =
-      std::make_unique<RecorderThread>(configuration_, folder_,
-                                       RecorderLinks{{&acquisition_.recorder_ring(driver::SensorRole::kHorizontal),
-                                                      &acquisition_.recorder_ring(driver::SensorRole::kVertical)},
-                                                     to_recorder_,
-                                                     pause_,
-                                                     recorder_bell_,
-                                                     *mapper_,
-                                                     *archive_,
-                                                     hashes_,
-                                                     *journal_,
-                                                     *poses_,
-                                                     *publisher_,
-                                                     *optimizer_thread_});
+      folder_.clock, to_publisher_, publisher_bell_, *optimizer_thread_);
+  RecorderStart start;
+  if (resume_) {
+    start.raw_file = resume_->next_raw_file;
+    start.index = resume_->next_index;
+    start.after_us = resume_->last_stamp_us;
+    start.last_submap = static_cast<std::int64_t>(resume_->hashes.size()) - 1;
+    if (resume_->last) {
+      // Its place in the odometry's frame carries poses into the map.
+      publisher_->hand_over(resume_->last, resume_->hashes.back());
+      optimizer_thread_->announce(resume_->last->id.index);
+    }
+  }
+  start_mapper();
+  Configuration recording = configuration_;
+  if (input_->kind() == "lcm") recording.lcm.scan_every = 0;  // they are there already
+  recorder_ = std::make_unique<RecorderThread>(recording, folder_, input_->geometry(), start,
+                                               RecorderLinks{{&input_->recorder_ring(driver::SensorRole::kHorizontal),
+                                                              &input_->recorder_ring(driver::SensorRole::kVertical)},
+                                                             to_recorder_,
+                                                             pause_,
+                                                             recorder_bell_,
+                                                             *mapper_,
+                                                             *archive_,
+                                                             hashes_,
+                                                             *journal_,
+                                                             *poses_,
+                                                             *publisher_,
+                                                             *optimizer_thread_});
   saver_ = std::make_unique<MapSaver>(configuration_, folder_,
-                                      SaverLinks{*mapper_, *recorder_, *optimizer_thread_, *poses_});
+                                      SaverLinks{*mapper_, *recorder_, *optimizer_thread_, *poses_, poses_before_});
   watches_ = {HeartbeatWatch(mapper_->heartbeat()), HeartbeatWatch(recorder_->heartbeat()),
               HeartbeatWatch(publisher_->heartbeat())};
+  input_watch_.emplace(input_->heartbeat());
+  resume_.reset();
 
-  if (Status status = acquisition_.start(); !status.ok()) return status;
-  for (const Status* const priority : {&acquisition_.priority(), &mapper_->priority()}) {
+  input_->wait_for([this] {
+    return input_->mapper_ring().size() < kWaiting && !mapper_->has_finished() &&
+           input_->recorder_ring(driver::SensorRole::kHorizontal).size() < kUnwritten &&
+           input_->recorder_ring(driver::SensorRole::kVertical).size() < kUnwritten &&
+           to_recorder_.size() < kReports / 2 && to_publisher_.size() < kReports / 2;
+  });
+  if (Status status = input_->start(); !status.ok()) return status;
+  for (const Status* const priority : {&input_->priority(), &mapper_->priority()}) {
     if (!priority->ok()) remarks_.push_back(priority->message());
   }
   return {};
 }
 
 LiveRun::~LiveRun() {
+  if (input_ != nullptr) input_->stop();
+  if (mapper_ != nullptr && recorder_ != nullptr) {
+    if (!mapper_->finish()) recorder_->leave_open();
+    recorder_->finish();  // takes the last sub-map
+  }
+  // All is on the disk. A map that is just being saved gets some time, a search for loops none.
+  if (saver_ != nullptr) (void)saver_->wait_until_idle(kSavePatience);
+  if (optimizer_ != nullptr) optimizer_->cancel();
   saver_.reset();
-  acquisition_.stop();
-  if (mapper_ != nullptr && recorder_ != nullptr) mapper_->finish();
-  recorder_.reset();   // takes the last sub-map
-  publisher_.reset();  // sends it
+  recorder_.reset();
+  publisher_.reset();  // sends the last sub-map
 }
 
 Health LiveRun::look() {
@@ -144,6 +241,10 @@ Health LiveRun::look() {
   health.run = folder_.name;
   health.cart_id = folder_.cart;
   health.run_id = folder_.run;
+  health.input = input_->kind();
+  health.input_ended = input_->ended();
+  health.input_trouble = input_->trouble();
+  look_at_clock();
   health.mapper = mapper_->state();
   health.recorder = recorder_->state();
   health.publisher = publisher_->state();
@@ -186,8 +287,16 @@ void LiveRun::look_at_rates(Health& health) {
   if (raw_bytes_s_ > 0.0) health.disk_minutes = std::max(0.0, left) / raw_bytes_s_ / 60.0;
 }
 
+void LiveRun::look_at_clock() {
+  const std::optional<std::int64_t> step_ns = clock_watch_.look(RunClock::system_offset_ns());
+  if (!step_ns) return;
+  log(Severity::kWarning, fmt::format("the system's clock was set {:+.1f} s; stamps of this run do not follow",
+                                      static_cast<double>(*step_ns) * 1e-9));
+  (void)recorder_->note(ClockStepped{*step_ns});
+}
+
 void LiveRun::look_at_scanners(Health& health) {
-  const std::vector<driver::ScannerInfo> present = acquisition_.scanners();
+  const std::vector<driver::ScannerInfo> present = input_->scanners();
   const std::int64_t now_ns = driver::monotonic_now_ns();
   const double since_s = static_cast<double>(now_ns - second_began_ns_) * 1e-9;
   const bool second_over = now_ns - second_began_ns_ >= kSecond_ns;
@@ -195,11 +304,17 @@ void LiveRun::look_at_scanners(Health& health) {
   for (std::size_t i = 0; i < seen_.size(); ++i) {
     const auto role = static_cast<driver::SensorRole>(i);
     const driver::RoleRule& rule = configuration_.scanner.roles[i];
-    const driver::ScanRing& ring = acquisition_.recorder_ring(role);
+    const driver::ScanRing& ring = input_->recorder_ring(role);
     ScannerHealth& scanner = health.scanners[i];
     Seen& seen = seen_[i];
-    scanner.configured = !rule.serial.empty() || !rule.port.empty();
-    scanner.serial = rule.serial.empty() ? "at port " + rule.port : rule.serial;
+    if (input_->kind() != "usb") {
+      scanner.configured = scanner.present = role == driver::SensorRole::kHorizontal || ring.published() > 0;
+      scanner.state = driver::SensorState::kStreaming;
+      scanner.serial = input_->kind();
+    } else {
+      scanner.configured = !rule.serial.empty() || !rule.port.empty();
+      scanner.serial = rule.serial.empty() ? "at port " + rule.port : rule.serial;
+    }
     for (const driver::ScannerInfo& info : present) {
       const bool ours =
           info.role == role ||
@@ -233,29 +348,22 @@ void LiveRun::publish(const Health& health) {
 Status LiveRun::pause() {
   if (pause_.paused()) return {};
   if (!recorder_->note(RunPaused{})) return {StatusCode::kUnavailable, "the disk does not keep up; try again"};
-  pause_.pause(driver::monotonic_now_ns());
+  pause_.pause(folder_.clock.now_ns());
   return {};
 }
 
 Status LiveRun::resume() {
   if (!pause_.paused()) return {};
   if (!recorder_->note(RunResumed{})) return {StatusCode::kUnavailable, "the disk does not keep up; try again"};
-  pause_.resume(driver::monotonic_now_ns());
+  pause_.resume(folder_.clock.now_ns());
   return {};
 }
 
 bool LiveRun::all_moved() {
-  bool moved = usb_watch_.moved();
-  if (!moved) {
-    moved = true;
-    for (const driver::ScannerInfo& scanner : acquisition_.scanners()) {
-      // An open line always has a deadline that wakes the thread within a second or so.
-      if (scanner.status.state == driver::SensorState::kStreaming) moved = false;
-    }
-  }
+  bool moved = input_watch_->moved() || !input_->must_move();
   for (const HeartbeatWatch& watch : watches_) moved = moved && watch.moved();
   if (!moved) return false;
-  usb_watch_.note();
+  input_watch_->note();
   for (HeartbeatWatch& watch : watches_) watch.note();
   return true;
 }

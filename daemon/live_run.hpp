@@ -1,6 +1,6 @@
 // One run of the daemon, from the scanners to the archive: makes all threads, wires them, ends them in order.
 //
-//   usb ─▶ mapper ring ─▶ mapper ─▶ reports ─▶ publisher ─▶ LCM ─▶ optimizer
+//   input ─▶ mapper ring ─▶ mapper ─▶ reports ─▶ publisher ─▶ LCM ─▶ optimizer
 //    └──▶ recorder rings ─▶ recorder ◀─ reports, finished sub-maps      ▲
 //                              └─▶ disk, then publisher and announce() ─┘
 //
@@ -11,25 +11,29 @@
 #include <memory>
 #include <vector>
 
-#include "daemon/acquisition.hpp"
+#include "daemon/clock_watch.hpp"
 #include "daemon/health.hpp"
 #include "daemon/map_saver.hpp"
 #include "daemon/recorder_thread.hpp"
+#include "daemon/resume_point.hpp"
 #include "daemon/run_folder.hpp"
+#include "daemon/scan_input.hpp"
 
 namespace submapd {
 
 class LiveRun {
  public:
-  // Everything runs when this returns; scanners may come later. Errors: kIo, kCorrupt, kUnavailable, kInternal, in
-  // words for the operator.
-  [[nodiscard]] static Expected<std::unique_ptr<LiveRun>> start(const Configuration& configuration);
+  // Goes on with a run that ended by a crash or a power cut, else begins one. Everything runs when this returns;
+  // scanners may come later. `input` is what make_input() takes. Errors: kIo, kCorrupt, kUnavailable, kInternal, and
+  // those of make_input(), in words for the operator.
+  [[nodiscard]] static Expected<std::unique_ptr<LiveRun>> start(const Configuration& configuration,
+                                                                const std::string& input);
   LiveRun(const LiveRun&) = delete;
   LiveRun& operator=(const LiveRun&) = delete;
-  // Ends the run: maps and writes what has been received. Waits for what saver and optimizer are just doing.
+  // Ends the run: maps and writes what has been received.
   ~LiveRun();
 
-  // What it wants the operator to know from the start: limits that were refused.
+  // What it wants the operator to know from the start: which run, limits that were refused.
   [[nodiscard]] const std::vector<std::string>& remarks() const { return remarks_; }
   // Looks at everything; rates are over the last second. Call some ten times a second.
   [[nodiscard]] Health look();
@@ -41,16 +45,22 @@ class LiveRun {
   [[nodiscard]] Status pause();
   [[nodiscard]] Status resume();
   [[nodiscard]] const RunClock& clock() const { return folder_.clock; }
+  [[nodiscard]] const std::vector<Mark>& marks() const { return marks_; }  // of a run that goes on
 
   // True if every thread that must move did since the last true answer. The usb thread rests while no scanner is there.
   [[nodiscard]] bool all_moved();
 
  private:
-  explicit LiveRun(const Configuration& configuration, RunFolder folder);
+  explicit LiveRun(const Configuration& configuration);
+  [[nodiscard]] Status choose_run(const std::string& input);
   [[nodiscard]] Status open_files();
+  [[nodiscard]] Status add_missing_poses();
   [[nodiscard]] Status start_threads();
+  void start_optimizer(const Channels& channels);
+  void start_mapper();
   void look_at_scanners(Health& health);
   void look_at_rates(Health& health);
+  void look_at_clock();
 
   // What rates and reconnects are counted from, for each role.
   struct Seen {
@@ -61,7 +71,10 @@ class LiveRun {
   };
 
   const Configuration configuration_;
-  const RunFolder folder_;
+  RunFolder folder_;
+  std::optional<ResumePoint> resume_;  // until everything runs
+  std::vector<Mark> marks_;
+  std::uint64_t poses_before_ = 0;
   std::vector<std::string> remarks_;
 
   driver::Doorbell mapper_bell_;
@@ -70,7 +83,7 @@ class LiveRun {
   PauseWindow pause_;
   ReportRing to_publisher_;
   ReportRing to_recorder_;
-  Acquisition acquisition_;
+  std::unique_ptr<ScanInput> input_;
 
   std::unique_ptr<RunJournal> journal_;
   std::unique_ptr<SubmapArchive> archive_;
@@ -86,7 +99,8 @@ class LiveRun {
   std::unique_ptr<MapSaver> saver_;
 
   std::vector<HeartbeatWatch> watches_;  // of mapper, recorder, publisher
-  HeartbeatWatch usb_watch_;
+  std::optional<HeartbeatWatch> input_watch_;
+  ClockWatch clock_watch_;
   std::array<Seen, driver::kSensorRoles> seen_;
   std::int64_t second_began_ns_ = 0;
   std::uint64_t poses_then_ = 0;  // sent when the second began

@@ -21,7 +21,7 @@ int start(int argc, char** argv) {
   std::string input = "usb";
   bool foreground = false;
   app.add_option("--config", config, "Configuration file (TOML)")->capture_default_str();
-  app.add_option("--input", input, "Where scans come from")->check(CLI::IsMember({"usb"}))->capture_default_str();
+  app.add_option("--input", input, "Where scans come from: usb, lcm, or a recorded log")->capture_default_str();
   app.add_flag("--foreground", foreground, "Messages for a person at a terminal instead of the journal");
   try {
     app.parse(argc, argv);
@@ -34,7 +34,7 @@ int start(int argc, char** argv) {
     return 2;
   }
   submapd::open_log(foreground);
-  return submapd::run_daemon(*configuration, config);
+  return submapd::run_daemon(*configuration, {.configuration = config, .input = input});
 }
 
 }  // namespace

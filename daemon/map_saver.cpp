@@ -30,7 +30,6 @@ constexpr const char* kPicture = "live.png";
 constexpr int kTries = 3;                         // the open sub-map may close while the graph is prepared
 constexpr std::uint64_t kRoom_bytes = 64U << 20;  // less room on the disk is not worth a try
 constexpr std::chrono::seconds kRecorderPatience{10};
-constexpr std::chrono::milliseconds kLookAgain{10};
 
 }  // namespace
 
@@ -109,21 +108,24 @@ void MapSaver::run() {
     progress_.path = status.ok() ? path.string() : "";
     progress_.ended_ns = driver::monotonic_now_ns();
     progress_.status = std::move(status);
+    idle_.notify_all();
   }
 }
 
-Status MapSaver::wait_for_recorder(const OpenRun& run) const {
+Status MapSaver::wait_for_recorder(const OpenRun& run) {
   const std::int64_t before = std::int64_t{run.open->id.index} - 1;
-  const auto end = std::chrono::steady_clock::now() + kRecorderPatience;
-  for (;;) {
-    const RecorderState recorder = links_.recorder.state();
-    if (recorder.reports >= run.reports && recorder.last_submap >= before) return {};
-    if (std::chrono::steady_clock::now() > end) {
-      return {StatusCode::kUnavailable,
-              "the disk does not keep up" + (recorder.trouble.empty() ? std::string() : ": " + recorder.trouble)};
-    }
-    std::this_thread::sleep_for(kLookAgain);
+  if (links_.recorder.wait_until(run.reports, before, kRecorderPatience)) return {};
+  const std::string trouble = links_.recorder.state().trouble;
+  return {StatusCode::kUnavailable, "the disk does not keep up" + (trouble.empty() ? trouble : ": " + trouble)};
+}
+
+bool MapSaver::wait_until_idle(std::chrono::milliseconds patience) {
+  const auto end = std::chrono::steady_clock::now() + patience;
+  const MutexLock lock(mutex_);
+  while (progress_.state == SaveState::kWorking) {
+    if (idle_.wait_until(mutex_, end) == std::cv_status::timeout) return false;
   }
+  return true;
 }
 
 Expected<OpenRun> MapSaver::look() {
@@ -226,7 +228,7 @@ Status MapSaver::save(const SaveRequest& request) {
   Expected<std::unique_ptr<SubmapArchive>> archive = SubmapArchive::open(folder_.submaps(), 0);
   if (!archive) return archive.error();
   const std::uint64_t failed = links_.recorder.state().poses_failed;  // are not in the spool
-  const std::uint64_t scans = solved->run.reports - std::min(solved->run.reports, failed);
+  const std::uint64_t scans = links_.poses_before + solved->run.reports - std::min(solved->run.reports, failed);
   const Expected<OptimizedTrajectory> trajectory = OptimizedTrajectory::make(solved->result, links_.poses, scans);
   if (!trajectory) return trajectory.error();
   CloudSize cloud;

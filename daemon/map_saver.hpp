@@ -3,6 +3,7 @@
 // A thread of its own that works on one request at a time. Threads: start() and progress() by any.
 #pragma once
 
+#include <chrono>
 #include <condition_variable>
 #include <filesystem>
 #include <memory>
@@ -51,6 +52,7 @@ struct SaverLinks {
   RecorderThread& recorder;
   OptimizerThread& optimizer;
   const PoseSpool& poses;
+  std::uint64_t poses_before = 0;  // in the spool when the run went on
 };
 
 class MapSaver {
@@ -58,8 +60,11 @@ class MapSaver {
   MapSaver(const Configuration& configuration, const RunFolder& run, const SaverLinks& links);
   MapSaver(const MapSaver&) = delete;
   MapSaver& operator=(const MapSaver&) = delete;
-  // Waits for the request that is worked on.
+  // A request that is worked on ends soon, and fails.
   ~MapSaver();
+
+  // Until no request is worked on; false if one still is after `patience`.
+  [[nodiscard]] bool wait_until_idle(std::chrono::milliseconds patience);
 
   // Begins and returns how it stands; for an id that is known, how that stands. Errors: kUnavailable (another request
   // is worked on), kInvalidArgument (the name).
@@ -81,7 +86,7 @@ class MapSaver {
     FinalResult result;
   };
   [[nodiscard]] Expected<Solved> solve();
-  [[nodiscard]] Status wait_for_recorder(const OpenRun& run) const;
+  [[nodiscard]] Status wait_for_recorder(const OpenRun& run);
   [[nodiscard]] Expected<CloudSize> size_cloud(const OptimizedTrajectory& trajectory, const ScannerMount& mount);
   [[nodiscard]] Status write_report(const std::filesystem::path& path, const std::string& name, const Solved& solved,
                                     const RunOutputsSummary& written) const;
@@ -94,6 +99,7 @@ class MapSaver {
 
   mutable Mutex mutex_;
   std::condition_variable_any wanted_;
+  std::condition_variable_any idle_;
   std::optional<SaveRequest> request_ GUARDED_BY(mutex_);
   SaveProgress progress_ GUARDED_BY(mutex_);
   ScannerMount mount_ GUARDED_BY(mutex_);

@@ -14,6 +14,7 @@ namespace {
 constexpr std::chrono::milliseconds kIdle{100};  // between heartbeats when no scan comes
 constexpr std::chrono::milliseconds kSnapshotPatience{2000};
 constexpr std::chrono::milliseconds kTakePatience{5000};
+constexpr std::chrono::milliseconds kLookAgain{1};
 
 }  // namespace
 
@@ -34,7 +35,7 @@ MapperThread::MapperThread(const MapperThreadOptions& options, const Uuid& cart,
       pause_(pause),
       to_publisher_(to_publisher),
       to_recorder_(to_recorder),
-      stamper_(clock, options.geometry),
+      stamper_(std::move(clock), options.geometry, options.first_index, options.after_us),
       snapshot_bell_(make_doorbell()) {
   std::promise<void> ready;
   std::future<void> made = ready.get_future();
@@ -42,10 +43,12 @@ MapperThread::MapperThread(const MapperThreadOptions& options, const Uuid& cart,
     name_thread("mapper");
     try {
       // Workers inherit the priority.
-      priority_ = take_fifo_priority(kMapperPriority);
+      if (options_.real_time) priority_ = take_fifo_priority(kMapperPriority);
       pool_ = std::make_unique<ThreadPool>(options_.workers + 1);
       mapper_ = std::make_unique<Mapper>(options_.mapper, cart_, run_, *pool_);
       for (const ByteBudget& budget : mapper_->budgets()) bytes_limit_ += budget.limit;
+      // Before anybody can take what it closes meanwhile: that sub-map is in the archive.
+      if (options_.last) mapper_->resume_after(*options_.last);
     } catch (...) {
       ready.set_exception(std::current_exception());
       return;
@@ -65,8 +68,9 @@ MapperThread::~MapperThread() {
   stop(Stop::kNow);
 }
 
-void MapperThread::finish() {
+bool MapperThread::finish() {
   stop(Stop::kFinish);
+  return whole_;
 }
 
 void MapperThread::stop(Stop how) {
@@ -106,8 +110,50 @@ MapperState MapperThread::state() const {
 }
 
 void MapperThread::run() {
-  loop();
-  if (stop_.load() == Stop::kFinish) close_run();
+  if (options_.resumed) work_off_backlog();
+  if (whole_) loop();
+  if (whole_ && stop_.load() == Stop::kFinish) close_run();
+}
+
+// Not real-time: this reads the disk, and waits for the recorder, so that nothing is lost and nothing depends on time.
+void MapperThread::work_off_backlog() {
+  if (options_.real_time && priority_.ok()) give_up_fifo_priority();
+  while (const std::optional<Scan> scan = options_.backlog()) {
+    const auto taken = [this] {
+      return (to_recorder_.size() < to_recorder_.capacity() && !mapper_->has_finished()) || stop_.load() != Stop::kNo;
+    };
+    while (!taken()) {
+      std::this_thread::sleep_for(kLookAgain);
+      heartbeat_.beat();
+    }
+    if (stop_.load() != Stop::kNo) {
+      whole_ = false;
+      return;
+    }
+    const ScanReport report = mapper_->process(*scan);
+    MappedScan* const slot = to_recorder_.claim();
+    *slot = {report, scan->stamp_us * 1000};
+    to_recorder_.publish();
+    note(report);
+    heartbeat_.beat();
+    serve_snapshot();
+  }
+  options_.backlog = nullptr;  // holds a reader's buffers
+  options_.last.reset();
+  mapper_->expect_gap();
+  if (options_.real_time && priority_.ok()) (void)take_fifo_priority(kMapperPriority);
+}
+
+void MapperThread::note(const ScanReport& report) {
+  constexpr auto kRelaxed = std::memory_order_relaxed;
+  mapped_.fetch_add(1, kRelaxed);
+  missing_.store(stamper_.missing(), kRelaxed);
+  if (report.lost) lost_.fetch_add(1, kRelaxed);
+  particles_.store(report.particles, kRelaxed);
+  n_eff_.store(report.n_eff, kRelaxed);
+  degenerate_.store(report.degenerate, kRelaxed);
+  last_lost_.store(report.lost, kRelaxed);
+  stamp_us_.store(report.stamp_us, kRelaxed);
 }
 
 void MapperThread::loop() {
@@ -135,6 +181,8 @@ void MapperThread::process_waiting() {
       (void)stamper_.stamp(*measured);
     } else {
       map(*measured);
+      if (options_.slow_ms > 0.0)
+        std::this_thread::sleep_for(std::chrono::duration<double, std::milli>(options_.slow_ms));
     }
     scans_.pop();
     ++popped_;
@@ -144,7 +192,6 @@ void MapperThread::process_waiting() {
 }
 
 void MapperThread::map(const driver::DeviceScan& measured) {
-  constexpr auto kRelaxed = std::memory_order_relaxed;
   const std::int64_t arrived_ns = measured.arrival_last_mono_ns;
   const ScanReport report = mapper_->process(stamper_.stamp(measured));
   for (ReportRing* const ring : {&to_publisher_, &to_recorder_}) {
@@ -153,14 +200,7 @@ void MapperThread::map(const driver::DeviceScan& measured) {
       ring->publish();
     }
   }
-  mapped_.fetch_add(1, kRelaxed);
-  missing_.store(stamper_.missing(), kRelaxed);
-  if (report.lost) lost_.fetch_add(1, kRelaxed);
-  particles_.store(report.particles, kRelaxed);
-  n_eff_.store(report.n_eff, kRelaxed);
-  degenerate_.store(report.degenerate, kRelaxed);
-  last_lost_.store(report.lost, kRelaxed);
-  stamp_us_.store(report.stamp_us, kRelaxed);
+  note(report);
 }
 
 // The one place where this thread allocates: somebody saves the map, and the ring holds what comes meanwhile.
@@ -174,7 +214,8 @@ void MapperThread::serve_snapshot() {
 // The last sub-map can close only when the one before has been taken.
 void MapperThread::close_run() {
   bell_.wait([this] { return !mapper_->has_finished(); }, kTakePatience);
-  mapper_->finish_run();
+  whole_ = !mapper_->has_finished();
+  if (whole_) mapper_->finish_run();
 }
 
 }  // namespace submapd

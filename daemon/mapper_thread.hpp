@@ -10,6 +10,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <thread>
@@ -35,6 +36,15 @@ struct MapperThreadOptions {
   ScanGeometry geometry;
   int workers = 1;                     // threads that help with many particles
   std::uint64_t longest_backlog = 40;  // scans that may wait before some are left out
+  bool real_time = true;               // take a real-time priority
+  double slow_ms = 0.0;                // [experiment]: sleeps so long after each scan
+  // Of a run that goes on: its newest finished sub-map, if there is one, and the scans after it that were recorded, one
+  // a call. They are mapped before any other, and every report and sub-map of theirs waits until the recorder takes it.
+  bool resumed = false;
+  std::shared_ptr<const FinishedSubmap> last;
+  std::function<std::optional<Scan>()> backlog;
+  std::uint64_t first_index = 0;  // of the first scan from the ring
+  std::int64_t after_us = 0;      // and an instant before it
 };
 
 // Of the mapper's thread, for any other. Monotonic but for the last five, which are of the newest scan.
@@ -68,8 +78,9 @@ class MapperThread {
   ~MapperThread();
 
   // Maps what is in the ring, closes the run and ends the thread. REQUIRES: nothing is pushed any more, and somebody
-  // takes finished sub-maps; one that is still there when this returns is the last.
-  void finish();
+  // takes finished sub-maps; one that is still there when this returns is the last. False if the run must go on later:
+  // scans that were recorded before it was resumed are not mapped yet, and the run is not closed.
+  bool finish();
 
   [[nodiscard]] bool has_finished() const { return mapper_->has_finished(); }
   [[nodiscard]] std::optional<FinishedSubmap> take_finished();
@@ -86,6 +97,8 @@ class MapperThread {
  private:
   enum class Stop : std::uint8_t { kNo, kFinish, kNow };
   void run();
+  void work_off_backlog();
+  void note(const ScanReport& report);
   void loop();
   void process_waiting();
   void map(const driver::DeviceScan& measured);
@@ -93,7 +106,7 @@ class MapperThread {
   void close_run();
   void stop(Stop how);
 
-  const MapperThreadOptions options_;
+  MapperThreadOptions options_;
   const Uuid cart_;
   const Uuid run_;
   driver::ScanRing& scans_;
@@ -113,6 +126,7 @@ class MapperThread {
   Status priority_;
   Heartbeat heartbeat_;
   std::atomic<Stop> stop_{Stop::kNo};
+  bool whole_ = true;  // the thread's while it runs
 
   std::atomic<bool> snapshot_wanted_{false};
   std::atomic<bool> snapshot_ready_{false};

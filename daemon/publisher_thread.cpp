@@ -27,11 +27,12 @@ constexpr std::size_t kLatencyStep = 40;  // a second between two looks at the p
 
 }  // namespace
 
-PublisherThread::PublisherThread(PublisherThreadOptions options, const Uuid& cart, const Uuid& run, ReportRing& reports,
-                                 driver::Doorbell& bell, const OptimizerThread& optimizer)
+PublisherThread::PublisherThread(PublisherThreadOptions options, const Uuid& cart, const Uuid& run, RunClock clock,
+                                 ReportRing& reports, driver::Doorbell& bell, const OptimizerThread& optimizer)
     : options_(std::move(options)),
       cart_(cart),
       run_(run),
+      clock_(std::move(clock)),
       reports_(reports),
       bell_(bell),
       optimizer_(optimizer),
@@ -150,7 +151,7 @@ void PublisherThread::send_pose(const MappedScan& mapped) {
 }
 
 void PublisherThread::note_latency(std::int64_t arrived_ns) {
-  const auto took_ms = static_cast<float>(static_cast<double>(driver::monotonic_now_ns() - arrived_ns) * 1e-6);
+  const auto took_ms = static_cast<float>(static_cast<double>(clock_.now_ns() - arrived_ns) * 1e-6);
   if (latencies_ms_.size() < kLatencies) {
     latencies_ms_.push_back(took_ms);
   } else {

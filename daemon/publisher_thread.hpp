@@ -18,6 +18,7 @@
 #include "daemon/mapper_thread.hpp"
 #include "daemon/mutex.hpp"
 #include "daemon/optimizer_thread.hpp"
+#include "daemon/run_clock.hpp"
 #include "daemon/submap_publisher.hpp"
 #include "slam/base/sha256.hpp"
 
@@ -42,8 +43,8 @@ struct PublisherState {
 class PublisherThread {
  public:
   // Starts. References must outlive the object; `reports` rings `bell`.
-  PublisherThread(PublisherThreadOptions options, const Uuid& cart, const Uuid& run, ReportRing& reports,
-                  driver::Doorbell& bell, const OptimizerThread& optimizer);
+  PublisherThread(PublisherThreadOptions options, const Uuid& cart, const Uuid& run, RunClock clock,
+                  ReportRing& reports, driver::Doorbell& bell, const OptimizerThread& optimizer);
   PublisherThread(const PublisherThread&) = delete;
   PublisherThread& operator=(const PublisherThread&) = delete;
   // Sends what is queued, then ends.
@@ -77,6 +78,7 @@ class PublisherThread {
   const PublisherThreadOptions options_;
   const Uuid cart_;
   const Uuid run_;
+  const RunClock clock_;
   ReportRing& reports_;
   driver::Doorbell& bell_;
   const OptimizerThread& optimizer_;

@@ -22,8 +22,8 @@ void put_big_endian(std::vector<std::byte>& bytes, T value) {
 
 }  // namespace
 
-RawLog::RawLog(std::filesystem::path folder, std::size_t file_bytes_limit)
-    : folder_(std::move(folder)), file_bytes_limit_(file_bytes_limit) {}
+RawLog::RawLog(std::filesystem::path folder, std::size_t file_bytes_limit, int first_file)
+    : folder_(std::move(folder)), file_bytes_limit_(file_bytes_limit), next_file_(first_file) {}
 
 RawLog::~RawLog() {
   (void)end_file();

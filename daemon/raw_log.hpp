@@ -17,8 +17,8 @@ namespace submapd {
 
 class RawLog {
  public:
-  // Files appear in `folder`, which must exist, with the first event.
-  RawLog(std::filesystem::path folder, std::size_t file_bytes_limit);
+  // Files appear in `folder`, which must exist, with the first event; the first has this number.
+  RawLog(std::filesystem::path folder, std::size_t file_bytes_limit, int first_file = 0);
   RawLog(const RawLog&) = delete;
   RawLog& operator=(const RawLog&) = delete;
   ~RawLog();
@@ -39,7 +39,7 @@ class RawLog {
   const std::size_t file_bytes_limit_;
   std::filesystem::path path_;
   int fd_ = -1;
-  int next_file_ = 0;
+  int next_file_;
   std::size_t file_bytes_ = 0;
   std::uint64_t bytes_ = 0;
   std::uint64_t events_ = 0;  // of this file

@@ -35,6 +35,11 @@ Status take_fifo_priority(int priority) {
                                                 priority, std::strerror(error), kUsbPriority)};
 }
 
+void give_up_fifo_priority() {
+  const sched_param parameters{};
+  ::pthread_setschedparam(::pthread_self(), SCHED_OTHER, &parameters);
+}
+
 void name_thread(const char* name) {
   ::pthread_setname_np(::pthread_self(), name);
 }

@@ -18,6 +18,9 @@ inline constexpr int kMapperPriority = 40;
 // SCHED_FIFO for the calling thread and the threads it will make. kUnavailable with words if this is not allowed.
 [[nodiscard]] Status take_fifo_priority(int priority);
 
+// Back to the scheduler of all others.
+void give_up_fifo_priority();
+
 // The calling thread's name in ps and gdb; at most 15 characters.
 void name_thread(const char* name);
 

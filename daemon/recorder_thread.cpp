@@ -10,6 +10,7 @@
 #include "daemon/realtime.hpp"
 #include "driver/monotonic.hpp"
 #include "proto/scan_conversion.hpp"
+#include "slam/submap/submap_check.hpp"
 
 namespace submapd {
 namespace {
@@ -22,21 +23,43 @@ constexpr std::size_t kMostNotes = 64;
 
 }  // namespace
 
-RecorderThread::RecorderThread(const Configuration& configuration, const RunFolder& run, const RecorderLinks& links)
+RecorderThread::RecorderThread(const Configuration& configuration, const RunFolder& run, const ScanGeometry& geometry,
+                               const RecorderStart& start, const RecorderLinks& links)
     : options_(configuration.recorder),
       channels_(configuration.lcm.prefix),
       scan_every_(static_cast<std::uint64_t>(configuration.lcm.scan_every)),
       folder_(run),
       links_(links),
-      raw_(run.path, configuration.recorder.raw_file_bytes),
-      stampers_{ScanStamper(run.clock, utm30lx_geometry()), ScanStamper(run.clock, utm30lx_geometry())} {
+      raw_(run.path, configuration.recorder.raw_file_bytes, start.raw_file),
+      stampers_{ScanStamper(run.clock, geometry, start.index[0], start.after_us[0]),
+                ScanStamper(run.clock, geometry, start.index[1], start.after_us[1])},
+      last_submap_(start.last_submap) {
   thread_ = std::thread([this] { this->run(); });
 }
 
 RecorderThread::~RecorderThread() {
+  finish();
+}
+
+void RecorderThread::finish() {
+  if (!thread_.joinable()) return;
   stop_.store(true);
   links_.bell.ring();
   thread_.join();
+}
+
+bool RecorderThread::wait_until(std::uint64_t reports, std::int64_t submap, std::chrono::milliseconds patience) {
+  const auto end = std::chrono::steady_clock::now() + patience;
+  waiting_.fetch_add(1);
+  const MutexLock lock(mutex_);
+  bool written = false;
+  for (bool timed_out = false;;) {
+    written = reports_.load() >= reports && last_submap_.load() >= submap;
+    if (written || timed_out || ended_) break;
+    timed_out = written_.wait_until(mutex_, end) == std::cv_status::timeout;
+  }
+  waiting_.fetch_sub(1);
+  return written;
 }
 
 bool RecorderThread::note(JournalEvent event) {
@@ -78,8 +101,13 @@ void RecorderThread::run() {
     const bool stop = stop_.load();
     write_scans();
     write_poses();
-    write_submap();
+    while (write_submap() && stop) {
+    }
     write_notes();
+    if (waiting_.load() > 0) {
+      const MutexLock lock(mutex_);
+      written_.notify_all();
+    }
     const std::int64_t now_ns = driver::monotonic_now_ns();
     if (now_ns >= next_second_ns_) {
       next_second_ns_ = now_ns + kSecond_ns;
@@ -92,7 +120,10 @@ void RecorderThread::run() {
     if (stop) break;
   }
   each_second();
-  journal(RunEnded{});
+  if (all_written() && !leave_open_.load()) (void)journal(RunEnded{});
+  const MutexLock lock(mutex_);
+  ended_ = true;
+  written_.notify_all();
 }
 
 void RecorderThread::write_scans() {
@@ -158,27 +189,60 @@ void RecorderThread::write_poses() {
   }
 }
 
-void RecorderThread::write_submap() {
+bool RecorderThread::write_submap() {
   if (unsaved_ == nullptr) {
     std::optional<FinishedSubmap> finished = links_.mapper.take_finished();
-    if (!finished) return;
+    if (!finished) return false;
     unsaved_ = std::make_shared<const FinishedSubmap>(std::move(*finished));
   } else if (driver::monotonic_now_ns() < next_save_ns_ && !stop_.load(std::memory_order_relaxed)) {
-    return;
+    return false;
   }
   const std::uint32_t index = unsaved_->id.index;
-  const Expected<Sha256> hash = links_.archive.save(*unsaved_);
-  if (!hash) {
-    next_save_ns_ = driver::monotonic_now_ns() + kSecond_ns;
-    refused(hash.error());
-    return;
+  next_save_ns_ = driver::monotonic_now_ns() + kSecond_ns;
+  if (!saved_) {
+    const Expected<Sha256> hash = save(*unsaved_);
+    if (!hash) {
+      refused(hash.error());
+      return false;
+    }
+    saved_ = *hash;
   }
-  journal(SubmapSaved{index, *hash});
-  links_.hashes.add(index, *hash);
+  // A run that goes on keeps the poses up to its newest sub-map.
+  if (Status status = links_.poses.sync(); !status.ok()) refused(status);
+  if (!journal(SubmapSaved{index, *saved_})) return false;
+  links_.hashes.add(index, *saved_);
   last_submap_.store(index);
-  links_.publisher.hand_over(std::move(unsaved_), *hash);
+  links_.publisher.hand_over(std::move(unsaved_), *saved_);
   unsaved_ = nullptr;
+  saved_.reset();
   links_.optimizer.announce(index);
+  return true;
+}
+
+// What the archive could not read again, or is too large for it, must not stop all that come after it: its key-frames
+// are kept without the cells, or its first one alone, and no link.
+Expected<Sha256> RecorderThread::save(const FinishedSubmap& submap) {
+  const Expected<Sha256> whole = links_.archive.save(submap);
+  if (whole || whole.error().code() == StatusCode::kIo) return whole;
+  refused(whole.error());
+  FinishedSubmap rest = submap;
+  rest.blocks.clear();
+  rest.surface.clear();
+  const Expected<Sha256> without_cells = links_.archive.save(rest);
+  if (without_cells || without_cells.error().code() == StatusCode::kIo) {
+    unsaved_ = std::make_shared<const FinishedSubmap>(std::move(rest));
+    return without_cells;
+  }
+  Keyframe first;
+  if (!submap.keyframes.empty()) {
+    first.scan_index = submap.keyframes.front().scan_index;
+    first.stamp_us = submap.keyframes.front().stamp_us;
+  }
+  rest.keyframes.assign(1, first);
+  rest.odom_from_submap = is_sound(submap.odom_from_submap) ? submap.odom_from_submap : Pose2{};
+  rest.linked_to_previous = false;
+  unsaved_ = std::make_shared<const FinishedSubmap>(std::move(rest));
+  return links_.archive.save(*unsaved_);
 }
 
 void RecorderThread::write_notes() {
@@ -188,12 +252,18 @@ void RecorderThread::write_notes() {
     const MutexLock lock(mutex_);
     notes.swap(notes_);
   }
-  for (JournalEvent& event : notes) journal(std::move(event));
+  while (!notes.empty() && journal(notes.front())) notes.pop_front();
+  if (notes.empty()) return;
+  // In their order, at the next look: another append may find room.
+  const MutexLock lock(mutex_);
+  notes_.insert(notes_.begin(), notes.begin(), notes.end());
+  notes_left_ = true;
 }
 
-void RecorderThread::journal(JournalEvent event) {
+bool RecorderThread::journal(JournalEvent event) {
   const Status status = links_.journal.append({folder_.clock.utime_us(), std::move(event)});
   if (!status.ok()) refused(status);
+  return status.ok();
 }
 
 void RecorderThread::each_second() {
@@ -206,11 +276,11 @@ void RecorderThread::each_second() {
                 : free < options_.disk_low_bytes ? DiskState::kLow
                                                  : DiskState::kOk);
   }
+  if (std::exchange(notes_left_, false)) noted_.store(true);
   const MapperState mapper = links_.mapper.state();
   const ScansShed shed{mapper.skipped, raw_lost_.load() + links_.scans[0]->dropped() + links_.scans[1]->dropped()};
   if (shed == shed_) return;
-  shed_ = shed;
-  journal(shed);
+  if (journal(shed)) shed_ = shed;
 }
 
 void RecorderThread::refused(const Status& status) {

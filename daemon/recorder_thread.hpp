@@ -2,11 +2,15 @@
 //
 // It alone touches the disk while a run lasts (but for saved maps), and nobody waits for it: its rings are long, and
 // what a full one drops is counted. A sub-map is saved, synced and in the journal before anybody else hears of it; when
-// the disk refuses it is kept and tried again. Threads: made and ended by the daemon; note() and state() by any.
+// the disk refuses it is kept and tried again; one that could never be read again is replaced by what is left of it. A
+// run that could not be written to its end stays open, and goes on at the next start. Threads: made and ended by the
+// daemon; note(), leave_open() and state() by any.
 #pragma once
 
 #include <array>
 #include <atomic>
+#include <chrono>
+#include <condition_variable>
 #include <cstdint>
 #include <deque>
 #include <memory>
@@ -58,29 +62,48 @@ struct RecorderLinks {
   OptimizerThread& optimizer;
 };
 
+// Where a run that goes on stands.
+struct RecorderStart {
+  int raw_file = 0;
+  std::array<std::uint64_t, driver::kSensorRoles> index{};    // of the next scan, by SensorRole
+  std::array<std::int64_t, driver::kSensorRoles> after_us{};  // and an instant before it
+  std::int64_t last_submap = -1;
+};
+
 class RecorderThread {
  public:
   // Starts.
-  RecorderThread(const Configuration& configuration, const RunFolder& run, const RecorderLinks& links);
+  RecorderThread(const Configuration& configuration, const RunFolder& run, const ScanGeometry& geometry,
+                 const RecorderStart& start, const RecorderLinks& links);
   RecorderThread(const RecorderThread&) = delete;
   RecorderThread& operator=(const RecorderThread&) = delete;
-  // Writes what is there, closes the journal, ends.
   ~RecorderThread();
+
+  // Writes what is there, closes the run, ends the thread. REQUIRES: nothing comes any more.
+  void finish();
 
   // Into the journal, soon. False if too many wait.
   bool note(JournalEvent event);
+  // The run is not closed at the end: it is not mapped to its end yet.
+  void leave_open() { leave_open_.store(true); }
 
   [[nodiscard]] const Heartbeat& heartbeat() const { return heartbeat_; }
   [[nodiscard]] RecorderState state() const;
+  // Until so many reports of the mapper and this sub-map are written; false if they are not after `patience`, or the
+  // thread has ended.
+  [[nodiscard]] bool wait_until(std::uint64_t reports, std::int64_t submap, std::chrono::milliseconds patience);
 
  private:
   void run();
   void write_scans();
   void write_scan(driver::SensorRole role, const driver::DeviceScan& measured);
   void write_poses();
-  void write_submap();
+  // True if something was written.
+  bool write_submap();
+  [[nodiscard]] Expected<Sha256> save(const FinishedSubmap& submap);
+  [[nodiscard]] bool all_written() const { return unsaved_ == nullptr && !links_.mapper.has_finished(); }
   void write_notes();
-  void journal(JournalEvent event);
+  [[nodiscard]] bool journal(JournalEvent event);
   void each_second();
   void refused(const Status& status);
 
@@ -95,17 +118,20 @@ class RecorderThread {
   std::array<ScanStamper, driver::kSensorRoles> stampers_;
   std::array<std::uint64_t, driver::kSensorRoles> seen_{};
   std::shared_ptr<const FinishedSubmap> unsaved_;
+  std::optional<Sha256> saved_;  // of unsaved_, if it is in the archive and only the journal refuses
   std::int64_t next_save_ns_ = 0;
   std::int64_t next_sync_ns_ = 0;
   std::int64_t next_second_ns_ = 0;
-  ScansShed shed_;  // as the journal has it
+  ScansShed shed_;           // as the journal has it
+  bool notes_left_ = false;  // refused by the disk, for the next second
 
   Heartbeat heartbeat_;
   std::atomic<bool> stop_{false};
+  std::atomic<bool> leave_open_{false};
   std::atomic<bool> noted_{false};
   std::atomic<std::uint64_t> raw_scans_{0};
   std::atomic<std::uint64_t> raw_lost_{0};
-  std::atomic<std::int64_t> last_submap_{-1};
+  std::atomic<std::int64_t> last_submap_;
   std::atomic<std::uint64_t> reports_{0};
   std::atomic<std::uint64_t> poses_failed_{0};
   std::atomic<std::uint64_t> disk_free_{0};
@@ -117,6 +143,9 @@ class RecorderThread {
   std::deque<JournalEvent> notes_ GUARDED_BY(mutex_);
   std::string trouble_ GUARDED_BY(mutex_);
   std::int64_t trouble_ns_ GUARDED_BY(mutex_) = 0;
+  bool ended_ GUARDED_BY(mutex_) = false;
+  std::atomic<int> waiting_{0};
+  std::condition_variable_any written_;
 
   std::thread thread_;
 };

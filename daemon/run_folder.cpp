@@ -58,7 +58,7 @@ Expected<Uuid> identity_of_cart(const std::filesystem::path& path) {
 
 }  // namespace
 
-Expected<RunFolder> begin_run(const std::filesystem::path& state) {
+Expected<RunFolder> begin_run(const std::filesystem::path& state, const RunClock& clock) {
   std::error_code error;
   std::filesystem::create_directories(state / "runs", error);
   if (error) {
@@ -73,8 +73,8 @@ Expected<RunFolder> begin_run(const std::filesystem::path& state) {
   if (!run) return failure(run.error());
   folder.cart = *cart;
   folder.run = *run;
-  folder.clock = RunClock::now();
-  const std::time_t seconds = folder.clock.utime_us() / 1'000'000;
+  folder.clock = clock;
+  const std::time_t seconds = RunClock::now().utime_us() / 1'000'000;  // of the system, also for a log's scans
   folder.name = fmt::format("{:%Y%m%d-%H%M%S}-{}", fmt::gmtime(seconds), run->to_string().substr(0, 4));
   folder.path = state / "runs" / folder.name;
   for (const std::filesystem::path& made : {folder.path, folder.submaps(), folder.maps()}) {
@@ -83,6 +83,10 @@ Expected<RunFolder> begin_run(const std::filesystem::path& state) {
   }
   for (const std::filesystem::path& synced : {folder.path, state / "runs"}) {
     if (Status status = sync_folder(synced); !status.ok()) return failure(status);
+  }
+  const std::string current = folder.name + "\n";
+  if (Status status = atomic_write_file(state / "current-run", std::as_bytes(std::span(current))); !status.ok()) {
+    return failure(status);
   }
   return folder;
 }

@@ -22,10 +22,12 @@ struct RunFolder {
   [[nodiscard]] std::filesystem::path submaps() const { return path / "submaps"; }
   [[nodiscard]] std::filesystem::path maps() const { return path / "maps"; }
   [[nodiscard]] std::filesystem::path journal() const { return path / "journal"; }
+  [[nodiscard]] std::filesystem::path poses() const { return path / "poses"; }
 };
 
 // Makes the folder of a new run, with its submaps/ and maps/, and the cart's identity if it has none. `state` is made
-// if it is missing. Errors: kIo, kCorrupt (cart-uuid holds something else).
-[[nodiscard]] Expected<RunFolder> begin_run(const std::filesystem::path& state);
+// if it is missing. STATE/current-run names the run from here on. Errors: kIo, kCorrupt (cart-uuid holds something
+// else).
+[[nodiscard]] Expected<RunFolder> begin_run(const std::filesystem::path& state, const RunClock& clock);
 
 }  // namespace submapd

@@ -60,6 +60,12 @@ struct PutEvent {
   void operator()(const RunEnded&) const {}
   void operator()(const RunPaused&) const {}
   void operator()(const RunResumed&) const {}
+  void operator()(const RunContinued& e) const {
+    out.put(e.wall_minus_mono_ns);
+    put_text(out, e.version);
+  }
+  void operator()(const ClockStepped& e) const { out.put(e.step_ns); }
+  void operator()(const InputIs& e) const { put_text(out, e.kind); }
 };
 
 Sha256 get_hash(ByteReader& in) {
@@ -108,25 +114,40 @@ bool get_event(std::uint8_t type, ByteReader& in, JournalEvent& event) {
     case 8:
       event.emplace<RunResumed>();
       return true;
+    case 9: {
+      auto& e = event.emplace<RunContinued>();
+      e.wall_minus_mono_ns = in.get_i64();
+      e.version = get_text(in);
+      return true;
+    }
+    case 10:
+      event.emplace<ClockStepped>().step_ns = in.get_i64();
+      return true;
+    case 11:
+      event.emplace<InputIs>().kind = get_text(in);
+      return true;
     default:
       return false;
   }
 }
 
+constexpr std::uint8_t kLastTypeOfVersion1 = 8;
+
 // False: a body whose checksum fits and that is no record.
-bool decode_body(std::span<const std::byte> body, JournalRecord& record) {
+bool decode_body(std::span<const std::byte> body, std::uint32_t version, JournalRecord& record) {
   ByteReader in(body);
   const auto type = in.get<std::uint8_t>();
+  if (version == 1 && type > kLastTypeOfVersion1) return false;
   record.utime_us = in.get_i64();
   return get_event(type, in, record.event) && in.ok() && in.remaining() == 0;
 }
 
 }  // namespace
 
-std::vector<std::byte> encode_journal_header(const Uuid& cart, const Uuid& run) {
+std::vector<std::byte> encode_journal_header(const Uuid& cart, const Uuid& run, std::uint32_t version) {
   ByteWriter out;
   out.put(std::span<const std::uint8_t>(kMagic));
-  out.put(kJournalVersion);
+  out.put(version);
   out.put(std::span<const std::uint8_t>(cart.bytes));
   out.put(std::span<const std::uint8_t>(run.bytes));
   out.put(crc_of(out.bytes()));
@@ -153,14 +174,16 @@ Expected<JournalContents> decode_journal(std::span<const std::byte> bytes) {
   ByteReader header(bytes.first(kHeaderBytes));
   const std::span<const std::byte> magic = header.get_bytes(kMagic.size());
   if (std::memcmp(magic.data(), kMagic.data(), kMagic.size()) != 0) return corrupt(0, "no journal of submapd");
-  const auto version = header.get<std::uint32_t>();
   JournalContents contents;
+  contents.version = header.get<std::uint32_t>();
   for (Uuid* const id : {&contents.cart, &contents.run}) {
     const std::span<const std::byte> field = header.get_bytes(id->bytes.size());
     std::memcpy(id->bytes.data(), field.data(), field.size());
   }
   if (header.get<std::uint32_t>() != crc_of(bytes.first(kHeaderBytes - 4))) return corrupt(0, "damaged header");
-  if (version != kJournalVersion) return corrupt(8, fmt::format("version {}, not {}", version, kJournalVersion));
+  if (contents.version < 1 || contents.version > kJournalVersion) {
+    return corrupt(8, fmt::format("version {}, later than {}", contents.version, kJournalVersion));
+  }
 
   contents.whole_bytes = kHeaderBytes;
   while (contents.whole_bytes < bytes.size()) {
@@ -173,13 +196,35 @@ Expected<JournalContents> decode_journal(std::span<const std::byte> bytes) {
     if (!in.ok()) break;  // cut off
     const bool last = start + length + kFrameBytes == bytes.size();
     JournalRecord record;
-    const bool good = crc == crc_of(bytes.subspan(start, 4 + length)) && decode_body(body, record);
+    const bool good = crc == crc_of(bytes.subspan(start, 4 + length)) && decode_body(body, contents.version, record);
     if (!good && last) break;  // blocks of a file reach the disk in any order
     if (!good) return corrupt(start, "damaged record");
     contents.records.push_back(std::move(record));
     contents.whole_bytes = start + length + kFrameBytes;
   }
   return contents;
+}
+
+Expected<JournalContents> read_journal(const std::filesystem::path& path) {
+  const Expected<std::vector<std::byte>> bytes = read_file(path);
+  if (!bytes) return failure(bytes.error());
+  Expected<JournalContents> contents = decode_journal(*bytes);
+  if (!contents) return failure(StatusCode::kCorrupt, fmt::format("{}: {}", path.string(), contents.error().message()));
+  return contents;
+}
+
+Expected<std::unique_ptr<RunJournal>> RunJournal::reopen(const std::filesystem::path& path,
+                                                         const JournalContents& contents) {
+  const int fd = ::open(path.c_str(), O_WRONLY | O_CLOEXEC);
+  if (fd < 0) {
+    return failure(StatusCode::kIo, fmt::format("{}: cannot open: {}", path.string(), std::strerror(errno)));
+  }
+  std::unique_ptr<RunJournal> journal(new RunJournal(path, fd));
+  journal->bytes_ = static_cast<std::int64_t>(contents.whole_bytes);
+  if (::ftruncate(fd, journal->bytes_) != 0) {
+    return failure(StatusCode::kIo, fmt::format("{}: cannot cut: {}", path.string(), std::strerror(errno)));
+  }
+  return journal;
 }
 
 Expected<std::unique_ptr<RunJournal>> RunJournal::create(const std::filesystem::path& path, const Uuid& cart,

@@ -19,7 +19,7 @@
 
 namespace submapd {
 
-inline constexpr std::uint32_t kJournalVersion = 1;
+inline constexpr std::uint32_t kJournalVersion = 2;
 inline constexpr std::size_t kMaxJournalText = 1024;
 
 struct RunStarted {
@@ -51,6 +51,23 @@ struct RunEnded {
   friend bool operator==(const RunEnded&, const RunEnded&) = default;
 };
 
+// After a crash or a power cut: what follows comes from another process.
+struct RunContinued {
+  std::int64_t wall_minus_mono_ns = 0;  // frozen from here on
+  std::string version;
+  friend bool operator==(const RunContinued&, const RunContinued&) = default;
+};
+// Somebody set the system's clock. Stamps of the run do not follow.
+struct ClockStepped {
+  std::int64_t step_ns = 0;  // the system's clock now is ahead of where it was by this
+  friend bool operator==(const ClockStepped&, const ClockStepped&) = default;
+};
+// Where the scans come from: a run goes on only with scans from the same kind of source.
+struct InputIs {
+  std::string kind;  // "usb", "lcm" or "file"
+  friend bool operator==(const InputIs&, const InputIs&) = default;
+};
+
 struct RunPaused {
   friend bool operator==(const RunPaused&, const RunPaused&) = default;
 };
@@ -59,8 +76,8 @@ struct RunResumed {
 };
 
 // In the order of their numbers in the file, from 1.
-using JournalEvent =
-    std::variant<RunStarted, SubmapSaved, MarkSet, MapSaved, ScansShed, RunEnded, RunPaused, RunResumed>;
+using JournalEvent = std::variant<RunStarted, SubmapSaved, MarkSet, MapSaved, ScansShed, RunEnded, RunPaused,
+                                  RunResumed, RunContinued, ClockStepped, InputIs>;
 
 struct JournalRecord {
   std::int64_t utime_us = 0;  // when it was written
@@ -69,24 +86,32 @@ struct JournalRecord {
 };
 
 struct JournalContents {
+  std::uint32_t version = kJournalVersion;
   Uuid cart;
   Uuid run;
   std::vector<JournalRecord> records;
   std::size_t whole_bytes = 0;  // up to the end of the last whole record
 };
 
-[[nodiscard]] std::vector<std::byte> encode_journal_header(const Uuid& cart, const Uuid& run);
+[[nodiscard]] std::vector<std::byte> encode_journal_header(const Uuid& cart, const Uuid& run,
+                                                           std::uint32_t version = kJournalVersion);
 // REQUIRES: texts of at most kMaxJournalText bytes.
 [[nodiscard]] std::vector<std::byte> encode_journal_record(const JournalRecord& record);
 
-// Errors: kCorrupt (no journal, another version, or damage before the last record).
+// Errors: kCorrupt (no journal, a later version, or damage before the last record).
 [[nodiscard]] Expected<JournalContents> decode_journal(std::span<const std::byte> bytes);
+// The same of a file; the message has its path. Errors: kIo, kCorrupt.
+[[nodiscard]] Expected<JournalContents> read_journal(const std::filesystem::path& path);
 
 class RunJournal {
  public:
   // Errors: kIo; also if the file exists.
   [[nodiscard]] static Expected<std::unique_ptr<RunJournal>> create(const std::filesystem::path& path, const Uuid& cart,
                                                                     const Uuid& run);
+  // Goes on behind the last whole record of a journal that was read; what is cut off behind it is removed.
+  // REQUIRES: contents.version is kJournalVersion. Errors: kIo.
+  [[nodiscard]] static Expected<std::unique_ptr<RunJournal>> reopen(const std::filesystem::path& path,
+                                                                    const JournalContents& contents);
   RunJournal(const RunJournal&) = delete;
   RunJournal& operator=(const RunJournal&) = delete;
   ~RunJournal();

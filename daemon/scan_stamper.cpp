@@ -1,6 +1,7 @@
 #include "daemon/scan_stamper.hpp"
 
 #include <algorithm>
+#include <utility>
 
 #include "driver/clock/sensor_clock.hpp"
 
@@ -12,7 +13,10 @@ ScanGeometry utm30lx_geometry() {
   return geometry;
 }
 
-ScanStamper::ScanStamper(RunClock clock, const ScanGeometry& geometry) : clock_(clock) {
+ScanStamper::ScanStamper(RunClock clock, const ScanGeometry& geometry, std::uint64_t first_index, std::int64_t after_us)
+    : clock_(std::move(clock)) {
+  scan_.index = first_index;
+  scan_.stamp_us = after_us;
   scan_.geometry = geometry;
   scan_.ranges_mm.reserve(driver::DeviceScan::kMaxBeams);
 }

@@ -14,7 +14,8 @@ namespace submapd {
 
 class ScanStamper {
  public:
-  ScanStamper(RunClock clock, const ScanGeometry& geometry);
+  // The first scan gets number `first_index` and a stamp after `after_us`.
+  ScanStamper(RunClock clock, const ScanGeometry& geometry, std::uint64_t first_index = 0, std::int64_t after_us = 0);
 
   // Numbers count the rotor's turns: a gap is a lost scan. When the sensor's clock begins anew, the time that passed
   // tells how many turns are missing. Stamps always grow. The reference is valid until the next call.

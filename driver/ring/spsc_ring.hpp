@@ -10,8 +10,8 @@
 //   }                                           }
 //                                               bell.wait([&] { return ring.has_data(); }, 100ms);
 //
-// Threads: claim() and publish() by the producer, front(), pop() and has_data() by the consumer, published(), dropped()
-// and capacity() by any. Nothing throws, allocates, locks or blocks after construction.
+// Threads: claim() and publish() by the producer, front(), pop() and has_data() by the consumer, size(), published(),
+// dropped() and capacity() by any. Nothing throws, allocates, locks or blocks after construction.
 //
 // Memory orders. tail_ counts what was published, head_ what was popped; both only grow (2^64 scans do not run out),
 // each has one writer, so that a writer reads its own index relaxed. A slot changes hands twice:
@@ -89,6 +89,11 @@ class SpscRing {
   }
 
   // Exact; to another thread than the producer they may be some calls old.
+  // Values that wait.
+  [[nodiscard]] std::uint64_t size() const noexcept {
+    const std::uint64_t popped = head_.load(std::memory_order_relaxed);
+    return tail_.load(std::memory_order_relaxed) - popped;
+  }
   [[nodiscard]] std::uint64_t published() const noexcept { return tail_.load(std::memory_order_relaxed); }
   [[nodiscard]] std::uint64_t dropped() const noexcept { return dropped_.load(std::memory_order_relaxed); }
   [[nodiscard]] std::size_t capacity() const noexcept { return capacity_; }

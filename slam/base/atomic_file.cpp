@@ -16,6 +16,20 @@ namespace {
 
 std::atomic<std::uint64_t> g_temporaries{0};  // makes two temporaries of one process differ
 
+class FileDescriptor {
+ public:
+  explicit FileDescriptor(const std::filesystem::path& path) : fd_(::open(path.c_str(), O_RDONLY | O_CLOEXEC)) {}
+  FileDescriptor(const FileDescriptor&) = delete;
+  FileDescriptor& operator=(const FileDescriptor&) = delete;
+  ~FileDescriptor() {
+    if (fd_ >= 0) ::close(fd_);
+  }
+  [[nodiscard]] int get() const { return fd_; }
+
+ private:
+  int fd_;
+};
+
 }  // namespace
 
 AtomicFile::AtomicFile(std::filesystem::path path) : path_(std::move(path)) {
@@ -83,6 +97,34 @@ Status atomic_write_file(const std::filesystem::path& path, std::span<const std:
   AtomicFile file(path);
   if (Status status = file.write(bytes); !status.ok()) return status;
   return file.commit();
+}
+
+Expected<std::vector<std::byte>> read_file(const std::filesystem::path& path, std::size_t most) {
+  const auto refused = [&path](std::string_view step) {
+    const int error = errno;
+    return failure(error == ENOENT ? StatusCode::kNotFound : StatusCode::kIo,
+                   fmt::format("{}: {}: {}", path.string(), step, std::generic_category().message(error)));
+  };
+  const FileDescriptor file(path);
+  if (file.get() < 0) return refused("cannot open");
+  struct stat info {};
+  if (::fstat(file.get(), &info) != 0) return refused("cannot stat");
+  if (!S_ISREG(info.st_mode)) return failure(StatusCode::kIo, path.string() + ": not a regular file");
+  if (info.st_size > static_cast<off_t>(most)) {
+    return failure(StatusCode::kCorrupt,
+                   fmt::format("{}: {} bytes, larger than any such file", path.string(), info.st_size));
+  }
+  std::vector<std::byte> bytes(static_cast<std::size_t>(info.st_size));
+  std::size_t done = 0;
+  while (done < bytes.size()) {
+    const ssize_t got = ::read(file.get(), bytes.data() + done, bytes.size() - done);
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0) return refused("cannot read");
+    if (got == 0) break;  // shorter than it said: who decodes it will tell
+    done += static_cast<std::size_t>(got);
+  }
+  bytes.resize(done);
+  return bytes;
 }
 
 }  // namespace submapd

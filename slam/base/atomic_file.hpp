@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <span>
 #include <string_view>
+#include <vector>
 
 #include "slam/base/status.hpp"
 
@@ -44,5 +45,9 @@ class AtomicFile {
 
 // The whole of `bytes` as the file `path`, with AtomicFile.
 [[nodiscard]] Status atomic_write_file(const std::filesystem::path& path, std::span<const std::byte> bytes);
+
+// The bytes of a regular file. Errors: kNotFound, kIo; kCorrupt if it has more than `most` bytes.
+[[nodiscard]] Expected<std::vector<std::byte>> read_file(const std::filesystem::path& path,
+                                                         std::size_t most = std::size_t{1} << 30);
 
 }  // namespace submapd

@@ -8,6 +8,7 @@
 
 #include "slam/base/small_matrix.hpp"
 #include "slam/filter/internal/odometry_gate.hpp"
+#include "slam/filter/internal/relocalisation.hpp"
 #include "slam/filter/internal/scan_registration.hpp"
 #include "slam/filter/internal/submap_window.hpp"
 #include "slam/filter/resampling.hpp"
@@ -394,6 +395,83 @@ struct Mapper::Impl {
            (distance > 0.1 * options.keyframe_m || std::abs(step.yaw) > 0.2 * options.keyframe_rad);
   }
 
+  // ---- after a gap ----
+
+  // The key-frames of a finished sub-map once more, as they were.
+  void insert_again(const FinishedSubmap& submap) {
+    KeyframeScan kept;
+    for (const Keyframe& k : submap.keyframes) {
+      if (window.room() <= 0) return;  // made with larger limits
+      kept.scan = Scan{k.stamp_us, k.scan_index, k.geometry, k.ranges_mm, {}};
+      registration.assign(kept.scan, k.twist);
+      kept.twist = k.twist;
+      kept.beams = registration.points().beams();
+      kept.origin = registration.points().origin();
+      kept.step_covariance = k.step_covariance;
+      kept.degenerate = k.degenerate;
+      window.insert(k.pose, kept);
+    }
+  }
+
+  void resume_after(const FinishedSubmap& last) {
+    window.count_from(last.id.index);
+    window.open_front(last.odom_from_submap, last.linked_to_previous);
+    insert_again(last);
+    const Keyframe& newest = last.keyframes.back();
+    last_stamp_us = tracked_us = newest.stamp_us;
+    last_keyframe_index = newest.scan_index;
+    last_keyframe_stamp_us = newest.stamp_us;
+    last_twist = newest.twist;
+    set.reset(newest.pose, newest.twist);
+    const bool track_ended = last.reason == FinishReason::kDivergence || last.reason == FinishReason::kEndOfRun ||
+                             last.reason == FinishReason::kCommand;
+    if (!track_ended && window.may_hand_over()) {
+      hand_over(last.reason);
+      refill();
+    } else {
+      first_odom = compose(last.odom_from_submap, newest.pose);
+      first_linked = false;
+      window.close(last.reason);
+    }
+    (void)window.take_finished(cart, run);  // it is in the archive
+  }
+
+  // The first scan after a gap.
+  void pick_up(const Scan& scan, double gap_s, ScanReport& report, KnownFit& fit) {
+    registration.assign(scan, {});
+    if (registration.blind() || !window.may_close()) {  // a place may not be found, and then the front is closed
+      report.lost = true;
+      ++counters.lost_scans;
+      return;
+    }
+    set.coalesce();
+    degeneracy.reset();
+    gap = false;
+    Particle& p = set.particles()[0];
+    const MapView view = view_of(p);
+    const std::optional<MatchResult> found = relocalise(registration, options, view, p.pose, gap_s);
+    last_twist = p.twist = {};
+    if (!found) {
+      break_track(scan);
+      report.keyframe = true;
+      return;
+    }
+    p.match = *found;
+    p.pose = p.mode = found->pose;
+    p.covariance = last_covariance =
+        covariance_of(found->information, options.covariance_kappa, Eigen::Matrix3d::Zero());
+    fit = registration.fit(view, p.pose);
+    lost_scans = 0;
+    lost_time_s = 0.0;
+    if (window.room() > set.pending_keyframes()) {
+      report.keyframe_step = since_keyframe();
+      report.keyframe_linked = true;
+      report.keyframe = true;
+      insert_keyframe(scan);
+    }
+    refill();
+  }
+
   // ---- one scan ----
 
   // Everything but the first scan of a track.
@@ -459,8 +537,12 @@ struct Mapper::Impl {
   std::vector<int> ancestors;
   double n_eff = 1.0;
 
+  bool gap = false;  // expect_gap()
+  Pose2 first_odom;  // of the next track's first sub-map, if none is open
+  bool first_linked = true;
   std::optional<Pose2> odometry_delta;
   std::int64_t last_stamp_us = 0;
+  std::int64_t tracked_us = 0;  // of the last scan whose place is known
   Twist2 last_twist;
   Eigen::Matrix3d last_covariance = Eigen::Matrix3d::Zero();
   Eigen::Matrix3d last_keyframe_covariance = Eigen::Matrix3d::Zero();
@@ -490,17 +572,31 @@ ScanReport Mapper::process(const Scan& scan) {
   const std::optional<Pose2> by_odometry = m.gate.motion(scan.odometry);
   m.odometry_delta = m.options.odometry == OdometryUse::kIgnore ? std::nullopt : by_odometry;
   KnownFit fit;
-  if (m.window.is_open()) {
+  const double gap_s = m.gap ? static_cast<double>(scan.stamp_us - m.tracked_us) * 1e-6 : 0.0;
+  if (m.window.is_open() && gap_s > m.options.motion.max_extrapolation_s) {
+    m.pick_up(scan, gap_s, report, fit);
+  } else if (m.window.is_open()) {
+    m.gap = false;
     m.track(scan, elapsed_s, report, fit);
   } else {
-    m.window.open_front({}, true);
+    m.window.open_front(m.first_odom, m.first_linked);
+    m.gap = false;
     m.start_in_front(scan);
     report.keyframe = true;
   }
+  if (!report.lost) m.tracked_us = scan.stamp_us;
   m.fill_report(report, fit);
   m.hand_over_if_full();
   m.refill();
   return report;
+}
+
+void Mapper::resume_after(const FinishedSubmap& last) {
+  impl_->resume_after(last);
+}
+
+void Mapper::expect_gap() {
+  impl_->gap = true;
 }
 
 void Mapper::finish_run() {

@@ -109,6 +109,16 @@ class Mapper {
 
   ScanReport process(const Scan& scan);
 
+  // Goes on with a run whose newest finished sub-map is `last`: its key-frames are inserted again as they were, which
+  // gives the younger sub-map back, too. The next scan follows its last key-frame; after a sub-map that ended its track
+  // it begins another one, without a link. REQUIRES: no scan was processed, and nobody takes finished sub-maps yet.
+  // Allocates.
+  void resume_after(const FinishedSubmap& last);
+
+  // Time has passed and nobody knows where the cart has been: the next scan is sought in the open sub-map, as far as
+  // the cart can have come. Where it fits nowhere, or at two places, a sub-map without a link begins.
+  void expect_gap();
+
   // Closes the open sub-map. Call once, after the last scan and after take_finished() was emptied.
   void finish_run();
 

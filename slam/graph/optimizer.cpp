@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <utility>
@@ -67,7 +68,8 @@ struct Optimizer::Impl {
         model(other.model),
         counters(other.counters),
         version(other.version),
-        rejected_pending(other.rejected_pending) {}
+        rejected_pending(other.rejected_pending),
+        cancelled(other.cancelled) {}
 
   Expected<FinalResult> finish();
   Status take(const FinishedSubmap& submap);
@@ -87,6 +89,7 @@ struct Optimizer::Impl {
   OptimizerCounters counters;
   std::uint32_t version = 0;
   std::uint64_t rejected_pending = 0;
+  std::shared_ptr<std::atomic<bool>> cancelled = std::make_shared<std::atomic<bool>>(false);  // of all copies
 };
 
 std::size_t Optimizer::Impl::bytes_left() const {
@@ -175,6 +178,7 @@ void Optimizer::Impl::seek_all() {
     });
     const std::uint64_t before = search.runs();
     for (const LoopCandidate& candidate : ranked) {
+      if (cancelled->load()) return;
       search.run(model, candidate, bytes_left());
       count();
     }
@@ -231,6 +235,7 @@ Expected<FinalResult> Optimizer::Impl::finish() {
     return failure(StatusCode::kNotFound, "optimizer: no sub-map yet; there is nothing to solve");
   if (options.loops) {
     seek_all();
+    if (cancelled->load()) return failure(StatusCode::kUnavailable, "optimizer: the program ends");
     if (Status status = settle(true); !status.ok()) return failure(status);
     rejected_pending += static_cast<std::uint64_t>(graph::reject_contradicted(model));
     count();
@@ -288,6 +293,10 @@ Eigen::Matrix3d covariance_bound(const FinalResult& result, std::int64_t stamp_u
   const Pose2& map_from_submap = result.submaps[k].map_from_submap;
   const graph::UncertainPose within{between(map_from_submap, map_from_base), Eigen::Matrix3d::Zero()};
   return compose(graph::UncertainPose{map_from_submap, result.bounds[k].covariance}, within).covariance;
+}
+
+void Optimizer::cancel() {
+  impl_->cancelled->store(true);
 }
 
 OptimizerCounters Optimizer::counters() const {

@@ -139,6 +139,9 @@ class BackEnd {
   virtual Expected<FinalResult> finish_with(const std::shared_ptr<const FinishedSubmap>& open) = 0;
 
   [[nodiscard]] virtual OptimizerCounters counters() const = 0;
+
+  // Any thread: what is worked on and what comes later ends soon, with kUnavailable. For the end of the program.
+  virtual void cancel() {}
 };
 
 struct PairTools;  // slam/graph/internal/pair_tools.hpp
@@ -155,6 +158,7 @@ class Optimizer : public BackEnd {
   Expected<FinalResult> finish() override;
   Expected<FinalResult> finish_with(const std::shared_ptr<const FinishedSubmap>& open) override;
   [[nodiscard]] OptimizerCounters counters() const override;
+  void cancel() override;
 
  private:
   struct Impl;

@@ -1,11 +1,13 @@
-// Poses of every scan, kept on disk while a run lasts: eight hours at 40 Hz are no reason to hold them in memory.
+// Poses of every scan, kept on disk: eight hours at 40 Hz are no reason to hold them in memory.
 #pragma once
 
 #include <atomic>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <limits>
 #include <memory>
+#include <span>
 
 #include "slam/base/pose2.hpp"
 #include "slam/base/status.hpp"
@@ -23,26 +25,46 @@ struct SpooledPose {
   bool linked = false;
 };
 
-// The file has no name: it is gone with the object, however the process ends. One thread adds, others may read what is
-// there at the same time.
+// A run's file is `poses` (pose-spool-format.md) and outlives the process; replay's has no name and is gone with the
+// object. One thread adds, others may read what is there at the same time.
 class PoseSpool {
  public:
-  // The file lies in `folder`, which must exist.
+  // A file without a name in `folder`, which must exist.
   [[nodiscard]] static Expected<std::unique_ptr<PoseSpool>> create(const std::filesystem::path& folder);
+  // The file `path`, made if it is missing. What it holds is kept up to the first record that is damaged, cut off, or
+  // stamped later than `until_us`; the rest is cut away. Errors: kIo, kCorrupt (no such file of ours).
+  [[nodiscard]] static Expected<std::unique_ptr<PoseSpool>> open(const std::filesystem::path& path,
+                                                                 std::int64_t until_us);
   PoseSpool(const PoseSpool&) = delete;
   PoseSpool& operator=(const PoseSpool&) = delete;
   ~PoseSpool();
 
+  // After an error the file ends with the last whole record.
   Status add(const SpooledPose& pose);
+  // What was added is on the disk.
+  Status sync();
   // Calls `visit` for the first `count` records in order, until it returns an error. REQUIRES: count <= size().
   Status for_each(std::uint64_t count, const std::function<Status(const SpooledPose&)>& visit) const;
   [[nodiscard]] std::uint64_t size() const { return size_.load(std::memory_order_acquire); }
+  // Of the newest record; the least number there is if there is none. The adding thread's.
+  [[nodiscard]] std::int64_t last_stamp_us() const { return last_stamp_us_; }
 
  private:
   explicit PoseSpool(int fd) : fd_(fd) {}
+  Status begin_file();
+  Status keep_whole(std::int64_t until_us);
 
   const int fd_;
   std::atomic<std::uint64_t> size_{0};
+  std::int64_t last_stamp_us_ = std::numeric_limits<std::int64_t>::min();
 };
+
+// The records of a file of poses, checked: how many are whole, and how many bytes that is; for submapctl verify.
+struct PoseSpoolCheck {
+  std::uint64_t records = 0;
+  std::size_t whole_bytes = 0;
+};
+// kCorrupt: no file of poses, or another version.
+[[nodiscard]] Expected<PoseSpoolCheck> check_pose_spool(std::span<const std::byte> bytes);
 
 }  // namespace submapd

@@ -1,14 +1,8 @@
 #include "slam/submap/submap_archive.hpp"
 
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <span>
-#include <string_view>
 #include <system_error>
 #include <utility>
 #include <vector>
@@ -18,53 +12,6 @@
 #include "slam/submap/submap_codec.hpp"
 
 namespace submapd {
-namespace {
-
-tl::unexpected<Status> io_failure(const std::filesystem::path& path, std::string_view step, int error) {
-  return failure(error == ENOENT ? StatusCode::kNotFound : StatusCode::kIo,
-                 fmt::format("{}: {}: {}", path.string(), step, std::generic_category().message(error)));
-}
-
-class FileDescriptor {
- public:
-  explicit FileDescriptor(const std::filesystem::path& path) : fd_(::open(path.c_str(), O_RDONLY | O_CLOEXEC)) {}
-  FileDescriptor(const FileDescriptor&) = delete;
-  FileDescriptor& operator=(const FileDescriptor&) = delete;
-  ~FileDescriptor() {
-    if (fd_ >= 0) ::close(fd_);
-  }
-  [[nodiscard]] int get() const { return fd_; }
-
- private:
-  int fd_;
-};
-
-// The file's bytes; a file above the largest sub-map is refused before it is read.
-Expected<std::vector<std::byte>> read_submap_file(const std::filesystem::path& path) {
-  const FileDescriptor file(path);
-  if (file.get() < 0) return io_failure(path, "cannot open", errno);
-  struct stat info {};
-  if (::fstat(file.get(), &info) != 0) return io_failure(path, "cannot stat", errno);
-  if (!S_ISREG(info.st_mode)) return failure(StatusCode::kIo, path.string() + ": not a regular file");
-  if (info.st_size > static_cast<off_t>(kMaxEncodedSubmapBytes)) {
-    return failure(StatusCode::kCorrupt,
-                   fmt::format("{}: {} bytes, larger than any sub-map", path.string(), info.st_size));
-  }
-  std::vector<std::byte> bytes(static_cast<std::size_t>(info.st_size));
-  std::size_t done = 0;
-  while (done < bytes.size()) {
-    const ssize_t got = ::read(file.get(), bytes.data() + done, bytes.size() - done);
-    if (got < 0 && errno == EINTR) continue;
-    if (got < 0) return io_failure(path, "cannot read", errno);
-    if (got == 0) break;  // shorter than it said: decoding will tell
-    done += static_cast<std::size_t>(got);
-  }
-  bytes.resize(done);
-  return bytes;
-}
-
-}  // namespace
-
 SubmapArchive::SubmapArchive(std::filesystem::path folder, std::size_t cache_bytes_limit) : folder_(std::move(folder)) {
   bytes_.limit = cache_bytes_limit;
 }
@@ -85,10 +32,6 @@ std::filesystem::path SubmapArchive::path_of(std::uint32_t index) const {
 Expected<Sha256> SubmapArchive::save(const FinishedSubmap& submap) {
   if (Status status = check_submap(submap); !status.ok()) return failure(std::move(status));
   const std::filesystem::path path = path_of(submap.id.index);
-  std::error_code error;
-  if (std::filesystem::exists(path, error)) {
-    return failure(StatusCode::kInvalidArgument, path.string() + ": exists; a finished sub-map never changes");
-  }
   const std::vector<std::byte> bytes = encode_submap(submap);
   if (bytes.size() > kMaxEncodedSubmapBytes) {
     return failure(StatusCode::kExhausted, fmt::format("{}: {} bytes, above the limit of {}", path.string(),
@@ -96,6 +39,16 @@ Expected<Sha256> SubmapArchive::save(const FinishedSubmap& submap) {
   }
   Expected<Sha256> hash = sha256_of(bytes);
   if (!hash) return hash;
+  std::error_code error;
+  if (std::filesystem::exists(path, error)) {
+    const Expected<Sha256> there = sha256_of_file(path);
+    if (!there || *there != *hash) {
+      return failure(StatusCode::kInvalidArgument, path.string() + ": exists; a finished sub-map never changes");
+    }
+    // Ours, from a try that failed after the file had its name.
+    if (Status status = sync_folder(folder_); !status.ok()) return failure(std::move(status));
+    return hash;
+  }
   if (Status status = atomic_write_file(path, bytes); !status.ok()) return failure(std::move(status));
   return hash;
 }
@@ -106,7 +59,7 @@ Expected<std::shared_ptr<const FinishedSubmap>> SubmapArchive::load(std::uint32_
     return found->second->submap;
   }
   const std::filesystem::path path = path_of(index);
-  const Expected<std::vector<std::byte>> bytes = read_submap_file(path);
+  const Expected<std::vector<std::byte>> bytes = read_file(path, kMaxEncodedSubmapBytes);
   if (!bytes) return failure(bytes.error());
   ++files_read_;
   Expected<FinishedSubmap> decoded = decode_submap(*bytes);

@@ -33,7 +33,7 @@ class SubmapArchive : public SubmapSource {
                                                                      std::size_t cache_bytes_limit);
 
   // Writes the sub-map under its id.index; returns the SHA-256 of the file. Errors: kInvalidArgument (values that could
-  // not be loaded again, or an index that is there already), kExhausted (too large for the format), kIo.
+  // not be loaded again, or an index that is there with other values), kExhausted (too large for the format), kIo.
   Expected<Sha256> save(const FinishedSubmap& submap);
 
   // Errors: kNotFound, kIo, kCorrupt (with the file's name).

@@ -12,7 +12,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const auto bytes = std::as_bytes(std::span(data, size));
   const auto contents = submapd::decode_journal(bytes);
   if (!contents) return 0;
-  std::vector<std::byte> again = submapd::encode_journal_header(contents->cart, contents->run);
+  std::vector<std::byte> again = submapd::encode_journal_header(contents->cart, contents->run, contents->version);
   for (const submapd::JournalRecord& record : contents->records) {
     const std::vector<std::byte> more = submapd::encode_journal_record(record);
     again.insert(again.end(), more.begin(), more.end());

@@ -247,29 +247,42 @@ TEST(DaemonTest, WithoutANetworkItMapsAndRecoversByItself) {
   EXPECT_EQ(rig.end(SIGTERM), 0);
 }
 
-TEST(DaemonTest, KilledItKeepsFinishedSubmapsAndTheRawLogAndStartsAgain) {
+TEST(DaemonTest, KilledItKeepsFinishedSubmapsAndTheRawLogAndGoesOn) {
   DaemonRig rig;
   rig.start();
   ASSERT_TRUE(rig.wait_for_submaps(1));
   EXPECT_EQ(rig.end(SIGKILL), -SIGKILL);
   const std::int64_t killed_ns = rig.last_sent_ns(0);
   const std::filesystem::path run = rig.runs()[0];
-  EXPECT_GE(check_submaps(run), 1U);
+  const std::size_t finished = check_submaps(run);
+  EXPECT_GE(finished, 1U);
   for (const char* const channel : {"CART_SCAN_H", "CART_SCAN_V"}) {
     const std::vector<LoggedScan> scans = scans_in(run / "raw-0000.lcmlog", channel);
     ASSERT_FALSE(scans.empty());
     EXPECT_EQ(scans.back().index - scans.front().index + 1, scans.size()) << "no gap in " << channel;
     EXPECT_LT(killed_ns - scans.back().mono_ns, 1'000'000'000) << channel;
   }
+  // The cart stands at the start of its tour again, where the run's first sub-map was made: another place than the
+  // last.
   rig.plug_scanners();
   rig.start();
-  EXPECT_TRUE(rig.wait_for_health([](const json& h) { return h["state"] == "mapping"; }));
+  EXPECT_TRUE(rig.wait_for_health([&](const json& h) {
+    return h["state"] == "mapping" && h["run"] == run.filename().string() && h["scanners"]["horizontal"]["scans"] > 40;
+  }));
+  EXPECT_EQ(save_map(rig, "after")["state"], "done");
   EXPECT_EQ(rig.ask({{"verb", "new-run"}})["state"], "done");
   EXPECT_TRUE(rig.wait_for_health(
-      [&](const json& h) { return rig.runs().size() == 3 && h["run"] == rig.runs().back().filename().string(); }));
+      [&](const json& h) { return rig.runs().size() == 2 && h["run"] == rig.runs().back().filename().string(); }));
   EXPECT_EQ(rig.end(SIGTERM), 0);
-  EXPECT_EQ(rig.runs().size(), 3U);
+  ASSERT_EQ(rig.runs().size(), 2U);
   EXPECT_EQ(DaemonRig::journal_of(rig.runs()[0]).cart, DaemonRig::journal_of(rig.runs()[1]).cart);
+  EXPECT_GT(check_submaps(run), finished);
+  const JournalContents journal = DaemonRig::journal_of(run);
+  EXPECT_TRUE(std::holds_alternative<RunEnded>(journal.records.back().event));
+  EXPECT_TRUE(std::any_of(journal.records.begin(), journal.records.end(), [](const JournalRecord& record) {
+    return std::holds_alternative<RunContinued>(record.event);
+  }));
+  EXPECT_TRUE(std::filesystem::exists(run / "raw-0001.lcmlog"));
 }
 
 }  // namespace

@@ -110,6 +110,8 @@ void LcmReader::skip_to_sync(const std::string& why) {
     input_.consume(window.size() - (kSync.size() - 1));  // the last three may begin one
   }
   const std::uint64_t size_bytes = input_.offset() - start;
+  skip_bytes_ = size_bytes;
+  skip_end_ = input_.offset();
   ++summary_.skipped_records;
   summary_.skipped_bytes += size_bytes;
   summary_.add_problem(fmt::format("byte {}: {}; skipped {} bytes", start, why, size_bytes));
@@ -117,6 +119,7 @@ void LcmReader::skip_to_sync(const std::string& why) {
 
 void LcmReader::finish() {
   finished_ = true;
+  if (skip_end_ == input_.offset()) summary_.tail_bytes = skip_bytes_;
   if (input_.status().ok()) return;
   summary_.unreadable_tail = true;
   summary_.add_problem(fmt::format("after byte {}: {}", input_.offset(), input_.status().message()));

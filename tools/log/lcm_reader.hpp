@@ -46,6 +46,8 @@ class LcmReader final : public LogReader {
   ScanDecoder decoder_;
   LogSummary summary_;
   std::int64_t last_stamp_us_ = 0;
+  std::uint64_t skip_bytes_ = 0;  // of the newest skipped stretch
+  std::uint64_t skip_end_ = 0;    // and where it ends
   bool finished_ = false;
 };
 

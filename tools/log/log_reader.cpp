@@ -7,6 +7,7 @@
 #include "tools/log/carmen_reader.hpp"
 #include "tools/log/input_buffer.hpp"
 #include "tools/log/lcm_reader.hpp"
+#include "tools/log/raw_series.hpp"
 #include "tools/log/unpack.hpp"
 
 namespace submapd::tools {
@@ -53,7 +54,7 @@ Status no_scan(const std::string& name, const LogSummary& summary) {
 }  // namespace
 
 Expected<std::unique_ptr<LogReader>> open_log(const std::string& path, ScanDecoder decoder) {
-  auto file = open_file(path);
+  auto file = open_series(files_of_log(path));
   if (!file) return failure(file.error());
   return open_log(std::move(*file), path, std::move(decoder));
 }

@@ -28,6 +28,7 @@ struct LogSummary {
   std::uint64_t skipped_records = 0;  // damaged lines or events
   std::uint64_t skipped_bytes = 0;    // in them and between them
   std::uint64_t backward_stamps = 0;  // scans stamped before the scan before them; delivered all the same
+  std::uint64_t tail_bytes = 0;       // of skipped_bytes: one skipped record that reaches the end of the log
   bool unreadable_tail = false;       // the input is cut short: what came before the cut was read
   std::vector<std::string> problems;  // the first kMaxProblems, each with its line or byte offset
 
@@ -58,7 +59,8 @@ class LogReader {
 using ScanDecoder =
     std::function<Expected<std::optional<Scan>>(std::string_view channel, std::span<const std::byte> data)>;
 
-// Opens a log and reads up to its first scan. kNotFound, kIo, or kInvalidArgument if the file holds no scan; the
+// Opens a log and reads up to its first scan; a run's folder and its raw-0000.lcmlog mean all raw files of the run.
+// kNotFound, kIo, or kInvalidArgument if the file holds no scan; the
 // message has the path and what to do.
 [[nodiscard]] Expected<std::unique_ptr<LogReader>> open_log(const std::string& path, ScanDecoder decoder);
 

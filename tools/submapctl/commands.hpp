@@ -13,5 +13,6 @@ void register_replay(CLI::App& app, CommandRun& run);
 void register_scip_decode(CLI::App& app, CommandRun& run);
 void register_sensors(CLI::App& app, CommandRun& run);
 void register_simulate(CLI::App& app, CommandRun& run);
+void register_verify(CLI::App& app, CommandRun& run);
 
 }  // namespace submapd::tools

@@ -16,6 +16,7 @@ int main(int argc, char** argv) {
     submapd::tools::register_scip_decode(app, run);
     submapd::tools::register_sensors(app, run);
     submapd::tools::register_simulate(app, run);
+    submapd::tools::register_verify(app, run);
     try {
       app.parse(argc, argv);
     } catch (const CLI::ParseError& error) {

@@ -29,6 +29,8 @@ class SubmapWindow {
   [[nodiscard]] bool may_close() const { return !has_finished(); }
 
   void open_front(const Pose2& odom_from_submap, bool linked);
+  // Index of the sub-map that is opened next. REQUIRES: none is open.
+  void count_from(std::uint32_t index) { next_index_ = index; }
 
   // Everything that is agreed on goes into both; the younger is opened at the front's half time. `pose` in the front's
   // frame. REQUIRES: room() > 0.

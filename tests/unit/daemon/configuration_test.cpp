@@ -132,6 +132,7 @@ TEST(ConfigurationTest, TheDescriptionParsesBackToTheDefaults) {
   EXPECT_EQ(parsed->daemon.workers, defaults.daemon.workers);
   EXPECT_EQ(parsed->daemon.mapper_ring, defaults.daemon.mapper_ring);
   EXPECT_EQ(parsed->daemon.recorder_ring, defaults.daemon.recorder_ring);
+  EXPECT_EQ(parsed->daemon.slow_mapper_ms, defaults.daemon.slow_mapper_ms);
   EXPECT_EQ(parsed->lcm.url, defaults.lcm.url);
   EXPECT_EQ(parsed->lcm.prefix, defaults.lcm.prefix);
   EXPECT_EQ(parsed->lcm.scan_every, defaults.lcm.scan_every);
@@ -153,7 +154,7 @@ TEST(ConfigurationTest, TheDescriptionParsesBackToTheDefaults) {
   EXPECT_EQ(parsed->button.cloud, defaults.button.cloud);
   EXPECT_EQ(parsed->hook.command, defaults.hook.command);
   EXPECT_EQ(parsed->hook.longest_s, defaults.hook.longest_s);
-  EXPECT_EQ(described_keys().size(), 55U) << "compare the new key's field above";
+  EXPECT_EQ(described_keys().size(), 56U) << "compare the new key's field above";
 }
 
 TEST(ConfigurationTest, EveryKeySetsItsField) {
@@ -225,6 +226,7 @@ map_raster = 28000000
 [experiment]
 unwarp = false
 line_matching = false
+slow_mapper = 125
 )";
   const Expected<Configuration> parsed = parse_configuration(text, "cart.toml");
   ASSERT_TRUE(parsed.has_value()) << parsed.error().message();
@@ -287,6 +289,7 @@ line_matching = false
   EXPECT_EQ(parsed->map_raster_bytes, 28'000'000U);
   EXPECT_FALSE(m.unwarp);
   EXPECT_FALSE(m.matcher.use_lines);
+  EXPECT_EQ(parsed->daemon.slow_mapper_ms, 125.0);
 }
 
 TEST(ConfigurationTest, NumbersAreTakenAtBothEndsOfTheirRangeAndRefusedBeyond) {
@@ -315,7 +318,7 @@ TEST(ConfigurationTest, NumbersAreTakenAtBothEndsOfTheirRangeAndRefusedBeyond) {
       EXPECT_EQ(error_of(file_with(key, fmt::format("{:.0f}", std::ceil(range.low)))), "") << "2 is a number too";
     }
   }
-  EXPECT_EQ(numbers, 35);
+  EXPECT_EQ(numbers, 36);
 }
 
 TEST(ConfigurationTest, SwitchesAndTextsTakeTheirValuesOnly) {

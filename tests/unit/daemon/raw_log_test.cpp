@@ -9,6 +9,7 @@
 #include "proto/scan_conversion.hpp"
 #include "tests/support/temporary_folder.hpp"
 #include "tools/log/log_reader.hpp"
+#include "tools/log/raw_series.hpp"
 
 namespace submapd {
 namespace {
@@ -23,7 +24,7 @@ Scan scan_number(std::uint64_t index) {
 
 const ScanOrigin kOrigin{Uuid::from_seed(4, 1), Uuid::from_seed(4, 2), 17, 18};
 
-std::vector<std::uint64_t> indices_in(const std::filesystem::path& path) {
+std::vector<std::uint64_t> indices_in(const std::filesystem::path& path, std::uint64_t damaged = 0) {
   std::vector<std::uint64_t> indices;
   auto reader = tools::open_log(path.string(), [](std::string_view channel, std::span<const std::byte> data) {
     EXPECT_EQ(channel, "CART_SCAN_H");
@@ -39,7 +40,7 @@ std::vector<std::uint64_t> indices_in(const std::filesystem::path& path) {
     EXPECT_EQ((*scan)->ranges_mm, scan_number((*scan)->index).ranges_mm);
     indices.push_back((*scan)->index);
   }
-  EXPECT_EQ((*reader)->summary().skipped_records, 0U);
+  EXPECT_EQ((*reader)->summary().skipped_records, damaged);
   return indices;
 }
 
@@ -59,12 +60,29 @@ TEST(RawLogTest, FilesRotateAndHoldEveryEvent) {
     EXPECT_EQ(log.bytes(), bytes);
   }
   std::vector<std::uint64_t> read;
-  for (const char* const name : {"raw-0000.lcmlog", "raw-0001.lcmlog", "raw-0002.lcmlog"}) {
-    const std::vector<std::uint64_t> more = indices_in(folder.path() / name);
+  for (const std::filesystem::path& file : tools::raw_files_in(folder.path())) {
+    std::filesystem::copy_file(file, folder.path() / "one.lcmlog", std::filesystem::copy_options::overwrite_existing);
+    const std::vector<std::uint64_t> more = indices_in(folder.path() / "one.lcmlog");
     EXPECT_FALSE(more.empty());
     read.insert(read.end(), more.begin(), more.end());
   }
   EXPECT_EQ(read, written);
+  // The folder and the first file mean all of them, also when one was cut off and the next says more.
+  EXPECT_EQ(indices_in(folder.path()), written);
+  EXPECT_EQ(indices_in(folder.path() / "raw-0000.lcmlog"), written);
+  const std::filesystem::path second = folder.path() / "raw-0001.lcmlog";
+  const std::vector<std::uint64_t> of_second = indices_in(second);
+  std::filesystem::resize_file(second, std::filesystem::file_size(second) - 100);
+  std::erase(written, of_second.back());
+  EXPECT_EQ(indices_in(folder.path(), 1), written);
+  {
+    RawLog log(folder.path(), 10'000, tools::next_raw_number(tools::raw_files_in(folder.path())));
+    const Scan scan = scan_number(20);
+    ASSERT_TRUE(log.write("CART_SCAN_H", scan.stamp_us, encode_scan(scan, kOrigin)).ok());
+  }
+  written.push_back(20);
+  EXPECT_EQ(indices_in(folder.path(), 1), written);
+  EXPECT_TRUE(std::filesystem::exists(folder.path() / "raw-0003.lcmlog"));
 }
 
 TEST(RawLogTest, AMissingFolderIsToldEachTime) {

@@ -21,7 +21,8 @@ std::vector<JournalRecord> one_of_each() {
   hash[0] = 1;
   hash[31] = 255;
   return {{1, RunStarted{-5, "0.1.0"}},  {2, SubmapSaved{7, hash}}, {3, MarkSet{-9, "door"}}, {4, MapSaved{"hall.1"}},
-          {5, ScansShed{1, 1ULL << 63}}, {6, RunEnded{}},           {7, RunPaused{}},         {8, RunResumed{}}};
+          {5, ScansShed{1, 1ULL << 63}}, {6, RunEnded{}},           {7, RunPaused{}},         {8, RunResumed{}},
+          {9, RunContinued{7, "0.2.0"}}, {10, ClockStepped{-36}},   {11, InputIs{"usb"}}};
 }
 
 std::vector<std::byte> encode(const std::vector<JournalRecord>& records) {
@@ -88,6 +89,41 @@ TEST(RunJournalTest, TheFileHoldsWhatWasAppended) {
   const auto bytes = std::as_bytes(std::span(text));
   EXPECT_EQ(std::vector<std::byte>(bytes.begin(), bytes.end()), encode(one_of_each()));
   EXPECT_FALSE(RunJournal::create(path, kCart, kRun).has_value()) << "a journal is never overwritten";
+}
+
+TEST(RunJournalTest, ReopenedItGoesOnBehindTheLastWholeRecord) {
+  const TemporaryFolder folder;
+  const std::filesystem::path path = folder.path() / "journal";
+  std::vector<std::byte> bytes = encode({{1, RunStarted{}}, {2, MarkSet{3, "door"}}});
+  bytes.resize(bytes.size() - 3);
+  std::ofstream(path, std::ios::binary)
+      .write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+  const Expected<JournalContents> cut = read_journal(path);
+  ASSERT_TRUE(cut.has_value()) << cut.error().message();
+  {
+    Expected<std::unique_ptr<RunJournal>> journal = RunJournal::reopen(path, *cut);
+    ASSERT_TRUE(journal.has_value()) << journal.error().message();
+    ASSERT_TRUE((*journal)->append({4, RunContinued{5, "x"}}).ok());
+  }
+  const Expected<JournalContents> contents = read_journal(path);
+  ASSERT_TRUE(contents.has_value()) << contents.error().message();
+  EXPECT_EQ(contents->records, (std::vector<JournalRecord>{{1, RunStarted{}}, {4, RunContinued{5, "x"}}}));
+}
+
+TEST(RunJournalTest, TheFirstVersionIsRead) {
+  std::vector<std::byte> bytes = encode_journal_header(kCart, kRun, 1);
+  const std::size_t header = bytes.size();
+  for (const JournalRecord& record : {JournalRecord{1, RunEnded{}}, JournalRecord{2, InputIs{"usb"}}}) {
+    const std::vector<std::byte> more = encode_journal_record(record);
+    bytes.insert(bytes.end(), more.begin(), more.end());
+  }
+  const Expected<JournalContents> contents = decode_journal(bytes);
+  ASSERT_TRUE(contents.has_value());
+  EXPECT_EQ(contents->version, 1U);
+  EXPECT_EQ(contents->records.size(), 1U) << "it had no such type: as if damaged";
+  bytes = encode_journal_header(kCart, kRun, 3);
+  EXPECT_EQ(bytes.size(), header);
+  EXPECT_EQ(decode_journal(bytes).error().code(), StatusCode::kCorrupt);
 }
 
 }  // namespace

@@ -104,6 +104,34 @@ MapperRun run_mapper(const std::vector<Scan>& scans, const MapperOptions& option
   return run;
 }
 
+// The same drive, but after `cut` scans everything is gone except the finished sub-maps, and `lost` scans more are
+// missing.
+MapperRun run_mapper_cut_off(const std::vector<Scan>& scans, std::size_t cut, std::size_t lost,
+                             const MapperOptions& options) {
+  const std::vector<Scan> before(scans.begin(), scans.begin() + static_cast<std::ptrdiff_t>(cut));
+  MapperRun run = run_mapper(before, options);
+  run.submaps.pop_back();  // finish_run()'s
+  EXPECT_FALSE(run.submaps.empty());
+  if (run.submaps.empty()) return run;
+  const std::uint64_t last = run.submaps.back().keyframes.back().scan_index;
+  std::erase_if(run.reports, [last](const ScanReport& report) { return report.scan_index > last; });
+  ThreadPool pool(1);
+  Mapper mapper(options, Uuid::from_seed(1, 1), Uuid::from_seed(1, 2), pool);
+  mapper.resume_after(run.submaps.back());
+  EXPECT_FALSE(mapper.has_finished());
+  for (const Scan& scan : scans) {
+    if (scan.index <= last) continue;
+    if (scan.index == cut) mapper.expect_gap();
+    if (scan.index >= cut && scan.index < cut + lost) continue;
+    run.reports.push_back(mapper.process(scan));
+    if (std::optional<FinishedSubmap> finished = mapper.take_finished()) run.submaps.push_back(std::move(*finished));
+  }
+  mapper.finish_run();
+  if (std::optional<FinishedSubmap> finished = mapper.take_finished()) run.submaps.push_back(std::move(*finished));
+  run.counters = mapper.counters();
+  return run;
+}
+
 struct TrajectoryError {
   double rms_m = 0.0;
   double max_m = 0.0;
@@ -203,6 +231,54 @@ void expect_sound_submaps(const MapperRun& run) {
         << "scan " << r.scan_index << " hangs on a key-frame of no sub-map";
   }
   EXPECT_EQ(reported, inserted) << "each key-frame is in some sub-map";
+}
+
+std::vector<Pose2> truth_of(const Drive& drive, const std::vector<ScanReport>& reports) {
+  std::vector<Pose2> truth;
+  for (const ScanReport& report : reports) truth.push_back(drive.truth[report.scan_index]);
+  return truth;
+}
+
+MapperOptions short_submaps() {
+  MapperOptions options;
+  options.limits.path_m = 3.0;
+  return options;
+}
+
+TEST(MapperScenarioTest, CutOffItGoesOnFromTheLastFinishedSubmapAsIfNothingHadBeen) {
+  const Drive& drive = fast_drive();
+  for (const std::size_t cut : {450UL, 621UL}) {
+    const MapperRun run = run_mapper_cut_off(drive.scans, cut, 0, short_submaps());
+    expect_sound_submaps(run);
+    EXPECT_EQ(run.counters.breaks, 0U);
+    EXPECT_EQ(run.reports.size(), drive.scans.size());
+    EXPECT_LT(error_of(run.reports, drive.truth).rms_m, kDriveLimit_m) << cut;
+    for (const FinishedSubmap& submap : run.submaps) EXPECT_TRUE(submap.linked_to_previous);
+  }
+}
+
+TEST(MapperScenarioTest, AfterTwoSecondsThatNobodySawItFindsItsPlaceAgain) {
+  const Drive& drive = fast_drive();
+  const MapperRun run = run_mapper_cut_off(drive.scans, 500, 80, short_submaps());
+  expect_sound_submaps(run);
+  EXPECT_EQ(run.counters.breaks, 0U);
+  EXPECT_LT(error_of(run.reports, truth_of(drive, run.reports)).rms_m, 2.0 * kDriveLimit_m);
+}
+
+TEST(MapperScenarioTest, WhereNothingLooksAsBeforeASubmapWithoutALinkBegins) {
+  Drive drive = fast_drive();
+  // Carried away: the scans of the drive's end follow those of its beginning.
+  drive.scans.erase(drive.scans.begin() + 450, drive.scans.begin() + 700);
+  std::int64_t stamp_us = drive.scans[449].stamp_us + 2'000'000;
+  for (std::size_t i = 450; i < drive.scans.size(); ++i) {
+    drive.scans[i].stamp_us = stamp_us += 25'000;
+    drive.scans[i].index = i;
+  }
+  const MapperRun run = run_mapper_cut_off(drive.scans, 450, 0, short_submaps());
+  expect_sound_submaps(run);
+  EXPECT_EQ(std::count_if(run.submaps.begin(), run.submaps.end(),
+                          [](const FinishedSubmap& s) { return !s.linked_to_previous; }),
+            1);
 }
 
 TEST(MapperScenarioTest, FastDriveThroughTheOffice) {

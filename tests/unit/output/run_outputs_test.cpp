@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <fstream>
 #include <thread>
 
 #include "tests/support/random_submap.hpp"
@@ -42,6 +43,57 @@ TEST(PoseSpoolTest, ReadsWhatIsThereWhileMoreIsAdded) {
   const Status told = (*spool)->for_each(10, [](const SpooledPose&) { return Status(StatusCode::kIo, "enough"); });
   EXPECT_EQ(told.message(), "enough");
   EXPECT_FALSE((*spool)->for_each(kPoses + 1, [](const SpooledPose&) { return Status(); }).ok());
+}
+
+std::vector<SpooledPose> poses_in(const PoseSpool& spool) {
+  std::vector<SpooledPose> poses;
+  EXPECT_TRUE(spool
+                  .for_each(spool.size(),
+                            [&](const SpooledPose& pose) {
+                              poses.push_back(pose);
+                              return Status();
+                            })
+                  .ok());
+  return poses;
+}
+
+TEST(PoseSpoolTest, OpenedAgainItGoesOnBehindTheLastWholeRecord) {
+  constexpr std::int64_t kAll = std::numeric_limits<std::int64_t>::max();
+  const ScratchFolder folder;
+  const std::filesystem::path path = folder.path() / "poses";
+  {
+    Expected<std::unique_ptr<PoseSpool>> spool = PoseSpool::open(path, kAll);
+    ASSERT_TRUE(spool.has_value()) << spool.error().message();
+    for (std::uint64_t i = 0; i < 600; ++i) ASSERT_TRUE((*spool)->add(pose_number(i)).ok());
+    ASSERT_TRUE((*spool)->sync().ok());
+  }
+  std::filesystem::resize_file(path, std::filesystem::file_size(path) - 1);  // as a power cut leaves it
+  {
+    Expected<std::unique_ptr<PoseSpool>> spool = PoseSpool::open(path, kAll);
+    ASSERT_TRUE(spool.has_value());
+    EXPECT_EQ((*spool)->size(), 599U);
+    EXPECT_EQ((*spool)->last_stamp_us(), 598);
+  }
+  std::filesystem::resize_file(path, std::filesystem::file_size(path) + 500);  // or zeros
+  {
+    Expected<std::unique_ptr<PoseSpool>> spool = PoseSpool::open(path, 299);
+    ASSERT_TRUE(spool.has_value());
+    EXPECT_EQ((*spool)->size(), 300U) << "what is later is mapped again";
+    ASSERT_TRUE((*spool)->add({300, 7, {1.0, 2.0, 3.0}, {4.0, 5.0, 6.0}, true, true}).ok());
+    const std::vector<SpooledPose> poses = poses_in(**spool);
+    ASSERT_EQ(poses.size(), 301U);
+    EXPECT_EQ(poses[299].keyframe_scan_index, 299U);
+    EXPECT_EQ(poses[300].keyframe_from_base.yaw, 3.0);
+    EXPECT_EQ(poses[300].previous_keyframe_from_base.x, 4.0);
+    EXPECT_TRUE(poses[300].keyframe && poses[300].linked);
+  }
+  EXPECT_EQ(std::filesystem::file_size(path), 16U + 301U * 72U);
+  std::filesystem::resize_file(path, 3);
+  EXPECT_EQ((*PoseSpool::open(path, kAll))->size(), 0U) << "begun, and no more";
+  std::ofstream(path) << std::string(100, 'x');
+  const Expected<std::unique_ptr<PoseSpool>> other = PoseSpool::open(path, kAll);
+  ASSERT_FALSE(other.has_value());
+  EXPECT_EQ(other.error().code(), StatusCode::kCorrupt) << "not ours";
 }
 
 // Two key-frames, 1 m and 1 s apart, three scans.
