@@ -55,8 +55,8 @@ Control::Control(Configuration& configuration, std::string path, LiveRun& run, S
       path_(std::move(path)),
       run_(run),
       service_(service),
-      marks_(run.marks()),
-      hook_(configuration.hook) {
+      hook_(configuration.hook),
+      marks_(run.marks()) {
   const sigset_t signals = control_signals();
   signal_fd_ = ::signalfd(-1, &signals, SFD_CLOEXEC | SFD_NONBLOCK);
   timer_fd_ = ::timerfd_create(CLOCK_MONOTONIC, TFD_CLOEXEC | TFD_NONBLOCK);

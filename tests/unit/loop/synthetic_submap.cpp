@@ -149,7 +149,7 @@ class Builder {
     const double along = std::max(0.0, principal.values[1]);
     point.sigma_m = static_cast<float>(std::sqrt(across));
     if (pooled.hits >= 4 && across < 0.1 * along) {
-      Eigen::Vector2d normal = solver.eigenvectors().col(0);
+      Eigen::Vector2d normal = principal.axes.col(0);
       normal *= normal.dot(own.view) < 0.0 ? -1.0 : 1.0;
       point.normal_x = static_cast<float>(normal.x());
       point.normal_y = static_cast<float>(normal.y());
