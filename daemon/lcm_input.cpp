@@ -6,6 +6,7 @@
 #include <chrono>
 #include <lcm/lcm-cpp.hpp>
 
+#include "daemon/lcm_receive.hpp"
 #include "daemon/multicast_route.hpp"
 #include "daemon/realtime.hpp"
 #include "daemon/scan_stamper.hpp"
@@ -56,7 +57,7 @@ void LcmInput::run(const std::stop_token& stop) {
     heartbeat_.beat();
     if (has_multicast_route(url_)) {
       lcm::LCM lcm(url_);
-      if (lcm.good()) {
+      if (can_receive(lcm)) {
         network_.store(true);
         listen(lcm, stop);
         network_.store(false);

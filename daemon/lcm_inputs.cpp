@@ -11,6 +11,7 @@
 #include <system_error>
 #include <utility>
 
+#include "daemon/lcm_receive.hpp"
 #include "daemon/map_folder.hpp"
 #include "daemon/multicast_route.hpp"
 #include "daemon/realtime.hpp"
@@ -128,7 +129,7 @@ void LcmInputs::run(const std::stop_token& stop) {
         continue;
       }
       network = std::make_unique<lcm::LCM>(configuration_.url);
-      if (!network->good()) {
+      if (!can_receive(*network)) {
         network.reset();
         continue;
       }

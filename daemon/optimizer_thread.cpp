@@ -17,6 +17,7 @@
 #include <utility>
 #include <vector>
 
+#include "daemon/lcm_receive.hpp"
 #include "proto/graph_conversion.hpp"
 #include "slam/submap/submap_codec.hpp"
 
@@ -60,8 +61,7 @@ OptimizerThread::OptimizerThread(OptimizerThreadOptions options, lcm::LCM& lcm, 
       back_end_(back_end),
       wake_up_(std::make_unique<WakeUp>()),
       assembler_(options_.cart, options_.run, std::move(known_hash), options_.chunk_bytes_limit) {
-  // LCM tries its self test here, and subscribes to nothing (a null pointer) if a packet filter stops that.
-  receive_fd_ = lcm_.good() ? lcm_.getFileno() : -1;
+  receive_fd_ = can_receive(lcm_) ? lcm_.getFileno() : -1;
   if (receive_fd_ >= 0) {
     // Not subscribe() with a method: g++ 12's -fsanitize=vptr misjudges the method call in LCM's header.
     subscription_ = lcm_.subscribeFunction(options_.channels.submap, &OptimizerThread::on_chunk, this);
