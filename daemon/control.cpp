@@ -74,7 +74,7 @@ Control::Control(Configuration& configuration, std::string path, LiveRun& run, S
   server_ = std::move(*server);
   button_ = std::make_unique<MapButton>(loop_, configuration.button, [this] { on_button(); });
   if (configuration.lcm.triggers || configuration.lcm.commands) {
-    inputs_ = std::make_unique<LcmInputs>(configuration.lcm);
+    inputs_ = std::make_unique<LcmRequests>(configuration.lcm);
     add(inputs_->fd(), [this](std::uint32_t) { on_input(); });
   }
 }

@@ -17,7 +17,7 @@
 #include "daemon/control_protocol.hpp"
 #include "daemon/control_server.hpp"
 #include "daemon/event_loop.hpp"
-#include "daemon/lcm_inputs.hpp"
+#include "daemon/lcm_requests.hpp"
 #include "daemon/live_run.hpp"
 #include "daemon/map_button.hpp"
 #include "daemon/service_manager.hpp"
@@ -74,7 +74,7 @@ class Control {
   std::unique_ptr<ControlServer> server_;
   CommandHook hook_;
   std::unique_ptr<MapButton> button_;
-  std::unique_ptr<LcmInputs> inputs_;  // if anything may come in
+  std::unique_ptr<LcmRequests> inputs_;  // if anything may come in
 
   std::optional<Health> last_;
   std::int64_t published_ns_ = 0;

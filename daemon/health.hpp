@@ -9,7 +9,7 @@
 #include <string>
 
 #include "daemon/control_server.hpp"
-#include "daemon/lcm_inputs.hpp"
+#include "daemon/lcm_requests.hpp"
 #include "daemon/map_saver.hpp"
 #include "daemon/mapper_thread.hpp"
 #include "daemon/optimizer_thread.hpp"

@@ -27,6 +27,7 @@ using graph::LoopRecord;
 // The budget of loop work, in matcher runs (notes 10): a few while the cart rolls, the rest when it is done.
 constexpr std::size_t kLiveRuns = 3;
 constexpr std::size_t kFinalRunsPerSubmap = 6;
+constexpr std::size_t kSaveRuns = 40;  // of a map that is saved meanwhile: somebody waits for it
 constexpr std::uint32_t kLiveGap = 3;  // nearer ones overlap by construction and teach little
 constexpr std::uint32_t kFinalGap = 2;
 constexpr int kPolicyRounds = 8;  // confirm and solve until nothing more follows
@@ -71,10 +72,10 @@ struct Optimizer::Impl {
         rejected_pending(other.rejected_pending),
         cancelled(other.cancelled) {}
 
-  Expected<FinalResult> finish();
+  Expected<FinalResult> finish(std::size_t runs);
   Status take(const FinishedSubmap& submap);
   void seek_live();
-  void seek_all();
+  void seek_all(std::size_t budget, bool accept_lone);
   Status settle(bool accept_lone);
   Status solve(const std::vector<std::size_t>& news);
   [[nodiscard]] std::size_t bytes_left() const;
@@ -157,9 +158,8 @@ void Optimizer::Impl::seek_live() {
 }
 
 // Every pair that overlaps at the poses then known, most informative first, in batches after each of which the graph
-// learns.
-void Optimizer::Impl::seek_all() {
-  std::size_t budget = kFinalRunsPerSubmap * model.submaps.size();
+// learns. `budget` in matcher runs.
+void Optimizer::Impl::seek_all(std::size_t budget, bool accept_lone) {
   const std::size_t batch = std::max<std::size_t>(kLiveRuns, 2 * model.submaps.size());
   while (budget > 0) {
     const graph::RelativeUncertainty uncertainty(model);
@@ -185,7 +185,7 @@ void Optimizer::Impl::seek_all() {
     if (search.runs() == before) return;  // nothing can be loaded
     budget -= ranked.size();
     // A failed solve keeps the poses; the final one reports it.
-    if (!settle(true).ok()) return;
+    if (!settle(accept_lone).ok()) return;
   }
 }
 
@@ -230,11 +230,11 @@ Expected<GraphState> Optimizer::add_submap(const std::shared_ptr<const FinishedS
   return state;
 }
 
-Expected<FinalResult> Optimizer::Impl::finish() {
+Expected<FinalResult> Optimizer::Impl::finish(std::size_t runs) {
   if (model.submaps.empty())
     return failure(StatusCode::kNotFound, "optimizer: no sub-map yet; there is nothing to solve");
   if (options.loops) {
-    seek_all();
+    seek_all(runs, true);
     if (cancelled->load()) return failure(StatusCode::kUnavailable, "optimizer: the program ends");
     if (Status status = settle(true); !status.ok()) return failure(status);
     rejected_pending += static_cast<std::uint64_t>(graph::reject_contradicted(model));
@@ -273,15 +273,18 @@ Expected<FinalResult> Optimizer::Impl::finish() {
 }
 
 Expected<FinalResult> Optimizer::finish() {
-  return impl_->finish();
+  return impl_->finish(kFinalRunsPerSubmap * impl_->model.submaps.size());
 }
 
 Expected<FinalResult> Optimizer::finish_with(const std::shared_ptr<const FinishedSubmap>& open) {
   if (Status status = check(open.get(), impl_->model.submaps.size()); !status.ok()) return failure(status);
+  // What the live graph learns here the next saved map need not seek again; what only the end of a run may take for
+  // granted (a lone loop) stays in the copy.
+  if (impl_->options.loops && !impl_->model.submaps.empty()) impl_->seek_all(kSaveRuns, false);
   WithOpenSubmap source(impl_->archive, open);
   Impl copy(*impl_, source);
   if (Status status = copy.take(*open); !status.ok()) return failure(status);
-  return copy.finish();
+  return copy.finish(kFinalRunsPerSubmap);
 }
 
 Eigen::Matrix3d covariance_bound(const FinalResult& result, std::int64_t stamp_us, const Pose2& map_from_base) {

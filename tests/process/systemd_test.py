@@ -39,7 +39,7 @@ def users_and_folders_are_made(scratch):
     done = run("systemd-sysusers", f"--root={root}")
     assert done.returncode == 0, done
     groups = (root / "etc/group").read_text(encoding="utf-8")
-    for group in ("submapd:", "hokuyo:", "submapd-operators:"):
+    for group in ("submapd:", "hokuyo:", "submapd-operators:", "input:"):
         assert group in groups, groups
     state = root / "var/lib/submapd/runs/R"
     for left in ("submaps/.000001.submap.7.0.tmp", "maps/.hall.abcdef/map.pgm", "maps/hall/map.pgm"):

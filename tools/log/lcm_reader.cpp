@@ -88,7 +88,7 @@ Expected<LcmReader::Event> LcmReader::look_at_event() {
   if (window.size() < size_bytes) return failure(StatusCode::kCorrupt, "the log ends within an event");
   // If no event follows and one starts within this one's bytes, then its length is damaged and must not swallow others.
   if (window.size() >= size_bytes + kSync.size() && !starts_with_sync(window.subspan(size_bytes)) &&
-      find_sync(window.first(size_bytes), kSync.size()) != size_bytes) {
+      find_sync(window.first(size_bytes + kSync.size()), kSync.size()) != size_bytes + kSync.size()) {
     return failure(StatusCode::kCorrupt, "an event's length is wrong: others start within it");
   }
   return Event{.channel = {reinterpret_cast<const char*>(window.data()) + kHeader_bytes, channel_bytes},

@@ -65,18 +65,27 @@ TEST(RecordedScansTest, OfAllFilesInOrderWithTheirOwnIntensities) {
 }
 
 TEST(RecordedScansTest, AHalfWrittenEventAndFilesWithoutScansAreLeftOut) {
-  const TemporaryFolder folder;
-  EXPECT_TRUE(all_of(folder.path()).empty());
-  {
-    RawLog log(folder.path(), 1'000'000);
-    for (std::uint64_t i = 0; i < 5; ++i) write_scan(log, kChannels.scan_v, i, 500);
+  for (const std::uintmax_t missing : {1U, 2U, 3U, 10U, 500U}) {
+    const TemporaryFolder folder;
+    EXPECT_TRUE(all_of(folder.path()).empty());
+    {
+      RawLog log(folder.path(), 1'000'000);
+      for (std::uint64_t i = 0; i < 5; ++i) write_scan(log, kChannels.scan_v, i, 500);
+    }
+    const std::filesystem::path torn = folder.path() / "raw-0000.lcmlog";
+    std::filesystem::resize_file(torn, std::filesystem::file_size(torn) - missing);
+    EXPECT_EQ(all_of(folder.path()).size(), 4U) << missing;
+    {
+      RawLog log(folder.path(), 1'000'000, 1);
+      for (std::uint64_t i = 5; i < 7; ++i) write_scan(log, kChannels.scan_v, i, 500);
+    }
+    std::ofstream(folder.path() / "raw-0002.lcmlog") << "not yet a log";
+    std::vector<std::uint64_t> indices;
+    for (const CloudScan& scan : all_of(folder.path())) indices.push_back(scan.scan.index);
+    EXPECT_EQ(indices, (std::vector<std::uint64_t>{0, 1, 2, 3, 5, 6})) << missing << " bytes of the fifth are missing";
+    EXPECT_EQ(open_recorded_scans(folder.path() / "none", kChannels, driver::SensorRole::kVertical).error().code(),
+              StatusCode::kIo);
   }
-  std::filesystem::resize_file(folder.path() / "raw-0000.lcmlog",
-                               std::filesystem::file_size(folder.path() / "raw-0000.lcmlog") - 10);
-  std::ofstream(folder.path() / "raw-0001.lcmlog") << "not yet a log";
-  EXPECT_EQ(all_of(folder.path()).size(), 4U);
-  EXPECT_EQ(open_recorded_scans(folder.path() / "none", kChannels, driver::SensorRole::kVertical).error().code(),
-            StatusCode::kIo);
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-#include "daemon/lcm_inputs.hpp"
+#include "daemon/lcm_requests.hpp"
 
 #include <sys/eventfd.h>
 #include <unistd.h>
@@ -34,19 +34,19 @@ std::span<const std::byte> bytes_of(const lcm::ReceiveBuffer* buffer) {
 
 }  // namespace
 
-LcmInputs::LcmInputs(const LcmConfiguration& configuration)
+LcmRequests::LcmRequests(const LcmConfiguration& configuration)
     : configuration_(configuration), fd_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
   if (fd_ < 0) throw std::system_error(errno, std::generic_category(), "eventfd");
   thread_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
 }
 
-LcmInputs::~LcmInputs() {
+LcmRequests::~LcmRequests() {
   thread_.request_stop();
   thread_.join();
   ::close(fd_);
 }
 
-std::optional<ControlRequest> LcmInputs::take() {
+std::optional<ControlRequest> LcmRequests::take() {
   const MutexLock lock(mutex_);
   if (requests_.empty()) {
     eventfd_t count = 0;
@@ -58,11 +58,11 @@ std::optional<ControlRequest> LcmInputs::take() {
   return request;
 }
 
-LcmInputCounters LcmInputs::counters() const {
+LcmInputCounters LcmRequests::counters() const {
   return {taken_.load(), bad_.load(), dropped_.load()};
 }
 
-Expected<ControlRequest> LcmInputs::decode_trigger(std::span<const std::byte> bytes) {
+Expected<ControlRequest> LcmRequests::decode_trigger(std::span<const std::byte> bytes) {
   Expected<trigger_t> message = decode_with_text<trigger_t>(bytes);
   if (!message) return failure(message.error());
   ControlRequest request;
@@ -74,7 +74,7 @@ Expected<ControlRequest> LcmInputs::decode_trigger(std::span<const std::byte> by
   return request;
 }
 
-Expected<ControlRequest> LcmInputs::decode_command(std::span<const std::byte> bytes) {
+Expected<ControlRequest> LcmRequests::decode_command(std::span<const std::byte> bytes) {
   Expected<command_t> message = decode_with_text<command_t>(bytes);
   if (!message) return failure(message.error());
   ControlRequest request;
@@ -102,7 +102,7 @@ Expected<ControlRequest> LcmInputs::decode_command(std::span<const std::byte> by
   return request;
 }
 
-void LcmInputs::on_message(Expected<ControlRequest> request) {
+void LcmRequests::on_message(Expected<ControlRequest> request) {
   if (!request) {
     bad_.fetch_add(1, std::memory_order_relaxed);
     return;
@@ -117,7 +117,7 @@ void LcmInputs::on_message(Expected<ControlRequest> request) {
   (void)::eventfd_write(fd_, 1);
 }
 
-void LcmInputs::run(const std::stop_token& stop) {
+void LcmRequests::run(const std::stop_token& stop) {
   name_thread("inputs");
   const Channels channels(configuration_.prefix);
   std::unique_ptr<lcm::LCM> network;
@@ -138,7 +138,7 @@ void LcmInputs::run(const std::stop_token& stop) {
         network
             ->subscribeFunction(
                 channels.trigger,
-                +[](Buffer buffer, const std::string&, LcmInputs* self) {
+                +[](Buffer buffer, const std::string&, LcmRequests* self) {
                   self->on_message(decode_trigger(bytes_of(buffer)));
                 },
                 this)
@@ -148,7 +148,7 @@ void LcmInputs::run(const std::stop_token& stop) {
         network
             ->subscribeFunction(
                 channels.command,
-                +[](Buffer buffer, const std::string&, LcmInputs* self) {
+                +[](Buffer buffer, const std::string&, LcmRequests* self) {
                   self->on_message(decode_command(bytes_of(buffer)));
                 },
                 this)

@@ -25,13 +25,13 @@ struct LcmInputCounters {
   std::uint64_t dropped = 0;  // more than can wait
 };
 
-class LcmInputs {
+class LcmRequests {
  public:
   // Throws std::system_error where there is no descriptor. Without a network it tries again now and then.
-  explicit LcmInputs(const LcmConfiguration& configuration);
-  LcmInputs(const LcmInputs&) = delete;
-  LcmInputs& operator=(const LcmInputs&) = delete;
-  ~LcmInputs();
+  explicit LcmRequests(const LcmConfiguration& configuration);
+  LcmRequests(const LcmRequests&) = delete;
+  LcmRequests& operator=(const LcmRequests&) = delete;
+  ~LcmRequests();
 
   [[nodiscard]] int fd() const { return fd_; }
   // The next request in order of coming.

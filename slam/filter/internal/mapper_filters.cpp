@@ -1,0 +1,235 @@
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "slam/base/small_matrix.hpp"
+#include "slam/filter/internal/mapper_impl.hpp"
+#include "slam/filter/resampling.hpp"
+
+namespace submapd {
+namespace {
+
+constexpr double kReunwarp_m_s = 0.05;
+constexpr double kReunwarp_rad_s = 0.0524;
+constexpr double kAxialLockSigma_m = 1e-4;
+constexpr int kWeakScans = 10;
+constexpr double kMoved_m = 0.01;  // less is standing: weights of a standing cart count the same evidence again
+constexpr double kMoved_rad = 0.0087;
+
+}  // namespace
+
+Eigen::Matrix3d covariance_of(const Eigen::Matrix3d& information, double kappa, const Eigen::Matrix3d& prior) {
+  Eigen::Matrix3d A = information / kappa + prior;
+  A.diagonal() += Eigen::Vector3d(1.0, 1.0, 1.0);  // 1 m, 1 rad: nothing is known worse than that
+  return A.inverse();
+}
+
+void Mapper::Impl::set_prior(Particle& p, double step_s) const {
+  const PredictedMotion motion = predict(p, step_s);
+  p.prior.pose = compose(p.pose, motion.delta);
+  p.prior.information = motion_information(motion, p.prior.pose.yaw);
+  if (degeneracy.active()) {
+    // The prediction rules along the axis that no wall holds; heading and the other direction stay free.
+    const Eigen::Vector2d a = degeneracy.axis();
+    p.prior.information.topLeftCorner<2, 2>() += a * a.transpose() / (kAxialLockSigma_m * kAxialLockSigma_m);
+  }
+}
+
+void Mapper::Impl::sample_motion(Particle& p, double step_s, std::uint64_t scan_index, std::uint64_t index) const {
+  const PredictedMotion motion = predict(p, step_s);
+  CounterRandom random(options.seed, scan_index, index);
+  Pose2 delta = motion.delta;
+  delta.x += motion.sigma(0) * random.gaussian();
+  delta.y += motion.sigma(1) * random.gaussian();
+  delta.yaw += motion.sigma(2) * random.gaussian();
+  p.pose = compose(p.pose, delta);
+  p.log_weight += registration.log_likelihood(view_of(p), p.pose);
+}
+
+KnownFit Mapper::Impl::filter_by_sampling(const Scan& scan, double step_s) {
+  for_each_particle([&](Particle& p, std::uint64_t i) { sample_motion(p, step_s, scan.index, i); });
+  normalise();
+  return registration.fit(view_of(set.best()), set.best().pose);
+}
+
+void Mapper::Impl::apply_match(Particle& p, double step_s, std::uint64_t scan_index, std::uint64_t index) {
+  p.covariance = covariance_of(p.match.information, options.covariance_kappa, p.prior.information);
+  const Pose2 mode = p.match.pose;
+  const Pose2 last_mode = std::exchange(p.mode, mode);
+  if (single()) {
+    p.pose = mode;
+    return;
+  }
+  p.log_weight += registration.log_posterior(view_of(p), mode, p.prior) +
+                  0.5 * std::log(std::max(p.prior.information.determinant(), 1e-30)) +
+                  0.5 * std::log(std::max(p.covariance.determinant(), 1e-30));
+  p.twist = learn_twist(p.twist, between(last_mode, mode), step_s, options.motion);
+  if (adaptive()) {
+    p.pose = mode;  // its particles are few and stand for places, not for the noise about one place
+    return;
+  }
+  CounterRandom random(options.seed, scan_index, index);
+  const Eigen::Matrix3d root = cholesky_root(p.covariance);
+  // One by one: in what order the arguments of a call are drawn depends on the compiler.
+  Eigen::Vector3d z;
+  for (const int axis : {2, 1, 0}) z(axis) = random.gaussian();
+  const Eigen::Vector3d d = root * z;
+  p.pose = {mode.x + d(0), mode.y + d(1), mode.yaw + d(2)};
+}
+
+KnownFit Mapper::Impl::filter_by_matching(const Scan& scan, double step_s, std::optional<CorrelativeResult>& found) {
+  const bool low_rate = period.median_s() > options.low_rate_s;
+  watch_degeneracy(step_s, low_rate);
+  for_each_particle([&](Particle& p, std::uint64_t) {
+    set_prior(p, step_s);
+    p.match = registration.match(view_of(p), p.prior.pose, p.prior);
+  });
+  // Serial: the search has one scratch store.
+  KnownFit fit;
+  const bool search_anyway = low_rate && !odometry_delta && single();
+  for (Particle& p : set.particles()) {
+    KnownFit own = registration.fit(view_of(p), p.match.pose);
+    if (!registration.blind() && (!registration.acceptable(own) || search_anyway)) {
+      const double widen = 1.0 + static_cast<double>(std::min(lost_scans, 6)) * 0.5;
+      found = registration.search_about(view_of(p), p, predict(p, step_s).sigma, widen);
+      ++counters.searches;
+      own = registration.fit(view_of(p), p.match.pose);
+    }
+    if (!registration.acceptable(own)) p.match.pose = p.prior.pose;
+    if (&p == &set.particles().front() || own.matched_ratio > fit.matched_ratio) fit = own;
+  }
+  for_each_particle([&](Particle& p, std::uint64_t i) { apply_match(p, step_s, scan.index, i); });
+  normalise();
+  return fit;
+}
+
+void Mapper::Impl::watch_degeneracy(double step_s, bool low_rate) {
+  if (odometry_delta || low_rate) {
+    degeneracy.reset();
+  } else if (single()) {
+    const Particle& p = set.best();
+    const Pose2 predicted = compose(p.pose, predict(p, step_s).delta);
+    const LineSystem system = line_system(registration.points().thinned(), window.front().map().surface(),
+                                          registration.points().angle_step_rad(), predicted, options.matcher.lines);
+    degeneracy.update(system.equations.H, system.associated, step_s);
+  }
+}
+
+void Mapper::Impl::learn_motion(const Scan& scan, const Pose2& before, double step_s, bool fits) {
+  const Pose2 delta = between(before, set.best().pose);
+  const Twist2 last = unwarp_twist();
+  if (textbook()) {
+    const Twist2 common = learn_twist(last_twist, delta, step_s, options.motion);
+    for (Particle& p : set.particles()) p.twist = common;
+  } else if (single()) {
+    Particle& p = set.particles()[0];
+    const Twist2 twist_before = p.twist;
+    p.twist = learn_twist(twist_before, delta, step_s, options.motion);
+    const bool off = std::hypot(p.twist.vx - last.vx, p.twist.vy - last.vy) > kReunwarp_m_s ||
+                     std::abs(p.twist.wz - last.wz) > kReunwarp_rad_s;
+    if (off && fits && options.unwarp && scan.geometry.sweep_s > 0.0) {
+      registration.assign(scan, p.twist);
+      p.match = registration.match(view_of(p), p.pose, p.prior);
+      apply_match(p, step_s, scan.index, 0);
+      p.twist = learn_twist(twist_before, between(before, p.pose), step_s, options.motion);
+    }
+  }
+  last_twist = set.best().twist;
+  if (std::hypot(delta.x, delta.y) > kMoved_m || std::abs(delta.yaw) > kMoved_rad) moved_since_resampling = true;
+  if (odometry_delta && options.odometry == OdometryUse::kAuto && fits) gate.judge(*odometry_delta, delta);
+}
+
+void Mapper::Impl::note_covariance(double step_s) {
+  last_covariance = posterior_covariance();
+  if (!degeneracy.active()) return;
+  const Eigen::Vector2d a = degeneracy.axis();
+  last_covariance.topLeftCorner<2, 2>() += degeneracy.axial_variance_m2() * a * a.transpose();
+  counters.degenerate_s += step_s;
+  degenerate_since_keyframe = true;
+}
+
+void Mapper::Impl::note_fit(bool fits, double step_s) {
+  if (fits) {
+    lost_scans = 0;
+    lost_time_s = 0.0;
+    return;
+  }
+  ++lost_scans;
+  ++counters.lost_scans;
+  lost_time_s += step_s;
+  if (lost_time_s <= options.motion.max_extrapolation_s) return;
+  for (Particle& p : set.particles()) p.twist = {};
+  last_twist = {};
+}
+
+void Mapper::Impl::normalise() {
+  log_weights.clear();
+  for (const Particle& p : set.particles()) log_weights.push_back(p.log_weight);
+  weights.resize(log_weights.size());
+  n_eff = normalise_weights(log_weights, weights);
+  const double top = *std::max_element(log_weights.begin(), log_weights.end());
+  for (Particle& p : set.particles()) p.log_weight -= top;
+}
+
+void Mapper::Impl::resample_if_needed(std::uint64_t scan_index) {
+  if (single() || !moved_since_resampling) return;
+  if (!textbook() && n_eff >= 0.5 * static_cast<double>(set.size())) return;
+  CounterRandom random(options.seed, scan_index, ~0ULL);
+  ancestors.resize(set.size());
+  textbook() ? resample_wheel(weights, random, ancestors) : resample_systematic(weights, random, ancestors);
+  set.resample(ancestors);
+  moved_since_resampling = false;
+}
+
+Eigen::Matrix3d Mapper::Impl::posterior_covariance() const {
+  Eigen::Matrix3d sum = set.best().covariance;
+  if (single()) return sum;
+  const Pose2 centre = set.best().pose;
+  for (std::size_t i = 0; i < set.size() && i < weights.size(); ++i) {
+    const Pose2& x = set.particles()[i].pose;
+    const Eigen::Vector3d d(x.x - centre.x, x.y - centre.y, wrap_angle(x.yaw - centre.yaw));
+    sum += weights[i] * d * d.transpose();
+  }
+  return sum;
+}
+
+void Mapper::Impl::adapt(const std::optional<CorrelativeResult>& found, std::uint64_t scan_index) {
+  if (single()) {
+    spread_if_needed(found, scan_index);
+    return;
+  }
+  // One Gaussian says as much once the particles lie no farther apart than each of them is uncertain.
+  const Eigen::Matrix3d& own = set.best().covariance;
+  const Eigen::Matrix3d spread = posterior_covariance() - own;
+  const double limit_m2 = std::max(options.collapse_m * options.collapse_m, 2.0 * own.topLeftCorner<2, 2>().trace());
+  const double limit_rad2 = std::max(options.collapse_rad * options.collapse_rad, 2.0 * own(2, 2));
+  if (spread.topLeftCorner<2, 2>().trace() < limit_m2 && spread(2, 2) < limit_rad2) set.coalesce();
+}
+
+void Mapper::Impl::spread_if_needed(const std::optional<CorrelativeResult>& found, std::uint64_t scan_index) {
+  const std::optional<Pose2> other_place =
+      found ? registration.second_place(view_of(set.best()), set.best(), *found) : std::nullopt;
+  weak_scans = degeneracy.active() ? weak_scans + 1 : 0;
+  if (!other_place && weak_scans <= kWeakScans) return;
+  weak_scans = 0;
+  const double axial = std::min(std::sqrt(degeneracy.axial_variance_m2()), 0.5);
+  if (!other_place && axial < options.collapse_m) return;
+  const int wanted =
+      std::min(std::max(static_cast<int>(std::ceil(6.0 * axial / 0.1)), 8), options.max_adaptive_particles);
+  set.spread(wanted, window.front().map().layer());
+  for (std::size_t i = 1; i < set.size(); ++i) {
+    Particle& p = set.particles()[i];
+    if (other_place && i % 2 == 1) p.pose = *other_place;
+    if (degeneracy.active()) {
+      CounterRandom random(options.seed + 1, scan_index, i);
+      const Eigen::Vector2d along = axial * random.gaussian() * degeneracy.axis();
+      p.pose.x += along.x();
+      p.pose.y += along.y();
+    }
+    p.mode = p.pose;
+  }
+  normalise();
+}
+
+}  // namespace submapd

@@ -1,0 +1,146 @@
+// The mapper's state and steps. Steps of the filters: mapper_filters.cpp; sub-maps, key-frames, gaps: mapper_track.cpp.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "slam/filter/internal/odometry_gate.hpp"
+#include "slam/filter/internal/scan_registration.hpp"
+#include "slam/filter/internal/submap_window.hpp"
+#include "slam/filter/mapper.hpp"
+
+namespace submapd {
+
+// (H / kappa + prior)^-1 with enough on the diagonal to be invertible.
+[[nodiscard]] Eigen::Matrix3d covariance_of(const Eigen::Matrix3d& information, double kappa,
+                                            const Eigen::Matrix3d& prior);
+
+// One thread, but for the pool's. Public to the files of this room only.
+struct Mapper::Impl {
+  Impl(const MapperOptions& o, const Uuid& cart_id, const Uuid& run_id, WorkerPool& workers);
+
+  [[nodiscard]] bool adaptive() const { return options.filter == FilterMode::kAdaptive; }
+  [[nodiscard]] bool textbook() const { return options.filter == FilterMode::kFastSlam; }
+  [[nodiscard]] bool single() const { return set.size() == 1; }
+  [[nodiscard]] MapView view_of(const Particle& p) const {
+    const IndexMap& map = window.front().map();
+    return {map, layers.view(p.layer >= 0 ? p.layer : map.layer())};
+  }
+
+  // f(particle, i) for every particle, on the pool. Each touches its own particle only: same bits for any thread count.
+  template <typename F>
+  void for_each_particle(F f) {
+    const std::span<Particle> particles = set.particles();
+    pool.run(static_cast<int>(particles.size()),
+             [&](int i) { f(particles[static_cast<std::size_t>(i)], static_cast<std::uint64_t>(i)); });
+  }
+
+  // ---- sub-maps ----
+
+  void start_in_front(const Scan& scan);
+  // Nothing ties what follows to what was: a new sub-map without a link, at the predicted place.
+  void break_track(const Scan& scan);
+  // The front is full and the younger sub-map takes over: poses change frame.
+  void hand_over(FinishReason reason);
+  void hand_over_if_full();
+  // The filters of fixed size never stay with one particle for long.
+  void refill() {
+    if (!adaptive() && single()) set.spread(options.particles, window.front().map().layer());
+  }
+
+  // ---- motion ----
+
+  [[nodiscard]] Twist2 unwarp_twist() const { return options.unwarp ? last_twist : Twist2{}; }
+
+  [[nodiscard]] PredictedMotion predict(const Particle& p, double step_s) const {
+    return odometry_delta ? predict_by_odometry(*odometry_delta, options.motion)
+                          : predict_by_twist(p.twist, step_s, options.motion);
+  }
+
+  void set_prior(Particle& p, double step_s) const;
+
+  // ---- filters ----
+
+  // Textbook step: sample from the motion model, weigh by the particle's own map.
+  void sample_motion(Particle& p, double step_s, std::uint64_t scan_index, std::uint64_t index) const;
+  KnownFit filter_by_sampling(const Scan& scan, double step_s);
+  // The improved proposal of one particle: Gaussian about the match (design notes 6.1 b).
+  void apply_match(Particle& p, double step_s, std::uint64_t scan_index, std::uint64_t index);
+  // `found` is set to the last wide search's result, if one was needed.
+  KnownFit filter_by_matching(const Scan& scan, double step_s, std::optional<CorrelativeResult>& found);
+  // Odometry holds the direction that the walls do not, and a twist from a slow log is no match for it: no latch then.
+  void watch_degeneracy(double step_s, bool low_rate);
+  // Twists, for the next prediction and for unwarping this sweep once more if the first guess was off.
+  void learn_motion(const Scan& scan, const Pose2& before, double step_s, bool fits);
+  void note_covariance(double step_s);
+  void note_fit(bool fits, double step_s);
+  void normalise();
+  void resample_if_needed(std::uint64_t scan_index);
+  // Weighted covariance of the particles about the best, plus its own.
+  [[nodiscard]] Eigen::Matrix3d posterior_covariance() const;
+  // Adaptive: more than one particle only while the posterior needs it.
+  void adapt(const std::optional<CorrelativeResult>& found, std::uint64_t scan_index);
+  void spread_if_needed(const std::optional<CorrelativeResult>& found, std::uint64_t scan_index);
+
+  // ---- key-frames ----
+
+  void insert_keyframe(const Scan& scan);
+  // Pose of the best particle seen from its newest key-frame.
+  [[nodiscard]] Pose2 since_keyframe() const { return between(set.tree().node(set.best().node).pose, set.best().pose); }
+
+  [[nodiscard]] bool wants_keyframe(const Scan& scan) const;
+
+  // ---- after a gap ----
+
+  // The key-frames of a finished sub-map once more, as they were.
+  void insert_again(const FinishedSubmap& submap);
+  void resume_after(const FinishedSubmap& last);
+  // The first scan after a gap.
+  void pick_up(const Scan& scan, double gap_s, ScanReport& report, KnownFit& fit);
+
+  // ---- one scan ----
+
+  // Everything but the first scan of a track.
+  void track(const Scan& scan, double elapsed_s, ScanReport& report, KnownFit& fit);
+  void fill_report(ScanReport& report, const KnownFit& fit) const;
+
+  MapperOptions options;
+  Uuid cart;
+  Uuid run;
+  WorkerPool& pool;
+  DistanceLayers layers;
+  SubmapWindow window;
+  ScanRegistration registration;
+  DegeneracyMonitor degeneracy;
+  OdometryGate gate;
+  PeriodEstimator period;
+  ParticleSet set;
+  std::vector<double> log_weights;
+  std::vector<double> weights;
+  std::vector<int> ancestors;
+  double n_eff = 1.0;
+
+  bool gap = false;  // expect_gap()
+  Pose2 first_odom;  // of the next track's first sub-map, if none is open
+  bool first_linked = true;
+  std::optional<Pose2> odometry_delta;
+  std::int64_t last_stamp_us = 0;
+  std::int64_t tracked_us = 0;  // of the last scan whose place is known
+  Twist2 last_twist;
+  Eigen::Matrix3d last_covariance = Eigen::Matrix3d::Zero();
+  Eigen::Matrix3d last_keyframe_covariance = Eigen::Matrix3d::Zero();
+  std::uint64_t last_keyframe_index = 0;
+  std::int64_t last_keyframe_stamp_us = 0;
+  bool degenerate_since_keyframe = false;
+  bool was_degenerate = false;
+  bool moved_since_resampling = false;
+  int lost_scans = 0;
+  double lost_time_s = 0.0;
+  int weak_scans = 0;
+  MapperCounters counters;
+};
+
+}  // namespace submapd

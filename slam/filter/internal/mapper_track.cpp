@@ -1,0 +1,212 @@
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "slam/filter/internal/mapper_impl.hpp"
+#include "slam/filter/internal/relocalisation.hpp"
+
+namespace submapd {
+namespace {
+
+constexpr double kLostBreak_s = 0.6;  // this long without a match: the map goes on in a new sub-map
+constexpr int kLostBreakScans = 5;
+
+double entropy_of(const Eigen::Matrix3d& covariance) {
+  const double det = std::max(covariance.determinant(), 1e-30);
+  return 0.5 * (3.0 * std::log(2.0 * std::numbers::pi * std::numbers::e) + std::log(det));
+}
+
+Eigen::Matrix3d turned(const Eigen::Matrix3d& covariance, double yaw_rad) {
+  Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
+  turn.topLeftCorner<2, 2>() = rotation(yaw_rad);
+  return turn * covariance * turn.transpose();
+}
+
+}  // namespace
+
+void Mapper::Impl::start_in_front(const Scan& scan) {
+  set.reset({}, {});
+  degeneracy.reset();
+  last_covariance.setZero();
+  last_keyframe_covariance.setZero();
+  lost_scans = 0;
+  lost_time_s = 0.0;
+  weak_scans = 0;
+  registration.assign(scan, {});
+  insert_keyframe(scan);
+  refill();
+}
+
+void Mapper::Impl::break_track(const Scan& scan) {
+  set.coalesce();
+  const Pose2 odom = compose(window.front().odom_from_submap(), set.best().pose);
+  window.close(FinishReason::kDivergence);
+  window.open_front(odom, false);
+  start_in_front(scan);
+  ++counters.breaks;
+}
+
+void Mapper::Impl::hand_over(FinishReason reason) {
+  set.coalesce();
+  const Pose2 back_from_front = window.hand_over(reason);
+  set.change_frame(back_from_front);
+  degeneracy.change_frame(back_from_front.yaw);
+  last_covariance = turned(last_covariance, back_from_front.yaw);
+  last_keyframe_covariance = turned(last_keyframe_covariance, back_from_front.yaw);
+}
+
+void Mapper::Impl::hand_over_if_full() {
+  FinishReason reason = FinishReason::kPath;
+  const double fullness = window.front().fullness(&reason);
+  const bool edge_of_span = degeneracy.active() != was_degenerate && window.younger_has(10);
+  was_degenerate = degeneracy.active();
+  if (!window.may_hand_over()) return;
+  if (edge_of_span) {
+    hand_over(FinishReason::kDegenerate);
+  } else if (fullness >= 1.0 && (single() || !adaptive() || fullness >= kMostFullness)) {
+    hand_over(reason);
+  }
+}
+
+void Mapper::Impl::insert_keyframe(const Scan& scan) {
+  const Pose2 before = set.tree().node(set.best().node).pose;
+  // Both ends were matched to the same map: the step is as uncertain as the two matches.
+  const Eigen::Matrix3d step = turned(last_keyframe_covariance + last_covariance, -before.yaw);
+  last_keyframe_covariance = last_covariance;
+  set.insert_keyframe(scan, unwarp_twist(), registration.points().beams(), registration.points().origin(), step,
+                      degenerate_since_keyframe);
+  degenerate_since_keyframe = degeneracy.active();
+  last_keyframe_index = scan.index;
+  last_keyframe_stamp_us = scan.stamp_us;
+}
+
+bool Mapper::Impl::wants_keyframe(const Scan& scan) const {
+  if (window.room() <= set.pending_keyframes()) return false;  // nobody took the last finished sub-map yet
+  const Pose2 step = since_keyframe();
+  const double distance = std::hypot(step.x, step.y);
+  if (distance > options.keyframe_m || std::abs(step.yaw) > options.keyframe_rad) return true;
+  const double waited_s = static_cast<double>(scan.stamp_us - last_keyframe_stamp_us) * 1e-6;
+  return waited_s > options.keyframe_s &&
+         (distance > 0.1 * options.keyframe_m || std::abs(step.yaw) > 0.2 * options.keyframe_rad);
+}
+
+void Mapper::Impl::insert_again(const FinishedSubmap& submap) {
+  KeyframeScan kept;
+  for (const Keyframe& k : submap.keyframes) {
+    if (window.room() <= 0) return;  // made with larger limits
+    kept.scan = Scan{k.stamp_us, k.scan_index, k.geometry, k.ranges_mm, {}};
+    registration.assign(kept.scan, k.twist);
+    kept.twist = k.twist;
+    kept.beams = registration.points().beams();
+    kept.origin = registration.points().origin();
+    kept.step_covariance = k.step_covariance;
+    kept.degenerate = k.degenerate;
+    window.insert(k.pose, kept);
+  }
+}
+
+void Mapper::Impl::resume_after(const FinishedSubmap& last) {
+  window.count_from(last.id.index);
+  window.open_front(last.odom_from_submap, last.linked_to_previous);
+  insert_again(last);
+  const Keyframe& newest = last.keyframes.back();
+  last_stamp_us = tracked_us = newest.stamp_us;
+  last_keyframe_index = newest.scan_index;
+  last_keyframe_stamp_us = newest.stamp_us;
+  last_twist = newest.twist;
+  set.reset(newest.pose, newest.twist);
+  const bool track_ended = last.reason == FinishReason::kDivergence || last.reason == FinishReason::kEndOfRun ||
+                           last.reason == FinishReason::kCommand;
+  if (!track_ended && window.may_hand_over()) {
+    hand_over(last.reason);
+    refill();
+  } else {
+    first_odom = compose(last.odom_from_submap, newest.pose);
+    first_linked = false;
+    window.close(last.reason);
+  }
+  (void)window.take_finished(cart, run);  // it is in the archive
+}
+
+void Mapper::Impl::pick_up(const Scan& scan, double gap_s, ScanReport& report, KnownFit& fit) {
+  registration.assign(scan, {});
+  if (registration.blind() || !window.may_close()) {  // a place may not be found, and then the front is closed
+    report.lost = true;
+    ++counters.lost_scans;
+    return;
+  }
+  set.coalesce();
+  degeneracy.reset();
+  gap = false;
+  Particle& p = set.particles()[0];
+  const MapView view = view_of(p);
+  const std::optional<MatchResult> found = relocalise(registration, options, view, p.pose, gap_s);
+  last_twist = p.twist = {};
+  if (!found) {
+    break_track(scan);
+    report.keyframe = true;
+    return;
+  }
+  p.match = *found;
+  p.pose = p.mode = found->pose;
+  p.covariance = last_covariance = covariance_of(found->information, options.covariance_kappa, Eigen::Matrix3d::Zero());
+  fit = registration.fit(view, p.pose);
+  lost_scans = 0;
+  lost_time_s = 0.0;
+  if (window.room() > set.pending_keyframes()) {
+    report.keyframe_step = since_keyframe();
+    report.keyframe_linked = true;
+    report.keyframe = true;
+    insert_keyframe(scan);
+  }
+  refill();
+}
+
+void Mapper::Impl::track(const Scan& scan, double elapsed_s, ScanReport& report, KnownFit& fit) {
+  period.add(elapsed_s);
+  const double step_s = std::max(elapsed_s, period.median_s());
+  registration.assign(scan, unwarp_twist());
+  const Pose2 before = set.best().pose;
+  std::optional<CorrelativeResult> found;
+  fit = textbook() ? filter_by_sampling(scan, step_s) : filter_by_matching(scan, step_s, found);
+  // The textbook's filter trusts its motion model: it neither loses its track nor starts anew.
+  const bool fits = textbook() ? !registration.blind() : registration.acceptable(fit);
+  learn_motion(scan, before, step_s, fits);
+  note_covariance(step_s);
+  note_fit(fits, step_s);
+  resample_if_needed(scan.index);
+  if (adaptive()) adapt(found, scan.index);
+
+  report.lost = !fits;
+  const bool given_up = lost_scans >= kLostBreakScans && lost_time_s > kLostBreak_s;
+  if (given_up && !registration.blind() && window.may_close()) {
+    break_track(scan);
+    report.keyframe = true;
+  } else if (fits && wants_keyframe(scan)) {
+    report.keyframe_step = since_keyframe();
+    report.keyframe_linked = true;
+    report.keyframe = true;
+    insert_keyframe(scan);
+  }
+}
+
+void Mapper::Impl::fill_report(ScanReport& report, const KnownFit& fit) const {
+  const Particle& best = set.best();
+  report.submap = window.front().index();
+  report.submap_from_base = best.pose;
+  report.odom_from_base = compose(window.front().odom_from_submap(), best.pose);
+  report.keyframe_scan_index = last_keyframe_index;
+  report.keyframe_from_base = since_keyframe();
+  report.covariance = last_covariance;
+  report.entropy = entropy_of(last_covariance);
+  report.particles = static_cast<int>(set.size());
+  report.n_eff = single() ? 1.0 : n_eff;
+  report.degenerate = degeneracy.active();
+  report.odometry_used = odometry_delta.has_value();
+  report.health = best.match.health;
+  report.health.matched_ratio = fit.matched_ratio;
+  report.health.contradiction = fit.contradiction;
+}
+
+}  // namespace submapd
