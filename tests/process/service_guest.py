@@ -71,7 +71,8 @@ def is_started_by_its_package():
     assert run("systemctl", "is-enabled", "submapd.service", "submapd-lcm-route.service").stdout.split() == ["enabled"] * 2
     # Type=notify: active means that READY=1 was sent, and there is no scanner far and wide.
     assert show("ActiveState") == "active" and show("SubState") == "running", run("systemctl", "status", "submapd", code=None)
-    assert show("NRestarts") == "0" and "scanner" in show("StatusText"), show("StatusText")
+    wait_for("the state in words", lambda: "scanner" in show("StatusText"))
+    assert show("NRestarts") == "0"
     for group in ("hokuyo", "submapd-operators"):
         grp.getgrnam(group)
     state = pathlib.Path("/var/lib/submapd").stat()
