@@ -134,8 +134,9 @@ class BackEnd {
   // Remaining loop search over all overlapping pairs, then equation (5) to convergence.
   virtual Expected<FinalResult> finish() = 0;
 
-  // About what finish() would give if `open`, a sub-map that is still growing, were the last one. Seeks a few dozen loops
-  // at most, because somebody waits; those of finished sub-maps stay in the graph that lives on, the rest is a copy's.
+  // About what finish() would give if `open`, a sub-map that is still growing, were the last one. Seeks a few dozen
+  // loops at most, because somebody waits; those of finished sub-maps stay in the graph that lives on, the rest is a
+  // copy's.
   virtual Expected<FinalResult> finish_with(const std::shared_ptr<const FinishedSubmap>& open) = 0;
 
   [[nodiscard]] virtual OptimizerCounters counters() const = 0;

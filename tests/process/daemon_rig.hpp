@@ -103,8 +103,8 @@ class DaemonRig {
     fifo.sched_priority = 50;
     if (::sched_setscheduler(0, SCHED_FIFO, &fifo) != 0) std::fprintf(stderr, "no SCHED_FIFO: scans may be late\n");
     std::ofstream(config()) << "[scanner]\nhorizontal = \"" << kSerials[0] << "\"\nvertical = \"" << kSerials[1]
-                            << "\"\nvertical_z = 1.2\n[daemon]\nstate = \"" << state().string() << "\"\ncontrol_socket = \"" << socket()
-                            << "\"\n[submap]\npath = 3.0\n";
+                            << "\"\nvertical_z = 1.2\n[daemon]\nstate = \"" << state().string()
+                            << "\"\ncontrol_socket = \"" << socket() << "\"\n[submap]\npath = 3.0\n";
     tools::MotionOptions options;
     options.speed_m_s = 1.5;
     options.duration_s = 600.0;
