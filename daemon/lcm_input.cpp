@@ -78,8 +78,7 @@ void LcmInput::listen(lcm::LCM& lcm, const std::stop_token& stop) {
 }
 
 void LcmInput::on_scan(const lcm::ReceiveBuffer* buffer, const std::string& channel, LcmInput* self) {
-  const auto bytes = std::span(static_cast<const std::byte*>(buffer->data), buffer->data_size);
-  const Expected<ScanMessage> message = decode_scan(bytes);
+  const Expected<ScanMessage> message = decode_scan(bytes_of(buffer));
   if (!message) {
     self->refused_.fetch_add(1);
     return;

@@ -28,10 +28,6 @@ constexpr int kQueue = 64;         // messages that LCM keeps of a channel
 constexpr int kListen_ms = 100;    // between two looks at the end
 constexpr int kLooksAtRoute = 20;  // between two tries for a network
 
-std::span<const std::byte> bytes_of(const lcm::ReceiveBuffer* buffer) {
-  return {static_cast<const std::byte*>(buffer->data), buffer->data_size};
-}
-
 }  // namespace
 
 LcmRequests::LcmRequests(const LcmConfiguration& configuration)
@@ -133,26 +129,19 @@ void LcmRequests::run(const std::stop_token& stop) {
         network.reset();
         continue;
       }
+      const auto listen = [&](const std::string& channel, auto on_bytes) {
+        network->subscribeFunction(channel, +on_bytes, this)->setQueueCapacity(kQueue);
+      };
       using Buffer = const lcm::ReceiveBuffer*;
       if (configuration_.triggers) {
-        network
-            ->subscribeFunction(
-                channels.trigger,
-                +[](Buffer buffer, const std::string&, LcmRequests* self) {
-                  self->on_message(decode_trigger(bytes_of(buffer)));
-                },
-                this)
-            ->setQueueCapacity(kQueue);
+        listen(channels.trigger, [](Buffer buffer, const std::string&, LcmRequests* self) {
+          self->on_message(decode_trigger(bytes_of(buffer)));
+        });
       }
       if (configuration_.commands) {
-        network
-            ->subscribeFunction(
-                channels.command,
-                +[](Buffer buffer, const std::string&, LcmRequests* self) {
-                  self->on_message(decode_command(bytes_of(buffer)));
-                },
-                this)
-            ->setQueueCapacity(kQueue);
+        listen(channels.command, [](Buffer buffer, const std::string&, LcmRequests* self) {
+          self->on_message(decode_command(bytes_of(buffer)));
+        });
       }
     }
     if (network->handleTimeout(kListen_ms) < 0) network.reset();

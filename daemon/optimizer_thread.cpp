@@ -312,7 +312,7 @@ void OptimizerThread::publish_graph(const GraphState& state, const FinishedSubma
 
 void OptimizerThread::on_chunk(const lcm::ReceiveBuffer* buffer, const std::string& /*channel*/,
                                OptimizerThread* self) {
-  self->complete_ = self->assembler_.add({static_cast<const std::byte*>(buffer->data), buffer->data_size});
+  self->complete_ = self->assembler_.add(bytes_of(buffer));
 }
 
 void OptimizerThread::answer_finish() {
