@@ -74,7 +74,7 @@ Expected<nlohmann::json> ControlClient::receive(std::chrono::milliseconds patien
   }
   if (size <= 0) return failure(StatusCode::kUnavailable, "submapd has closed the connection");
   nlohmann::json reply = nlohmann::json::parse(packet.begin(), packet.begin() + size, nullptr, false);
-  if (!reply.is_object()) return failure(StatusCode::kCorrupt, "submapd's answer is none");
+  if (!reply.is_object()) return failure(StatusCode::kInternal, "submapd's answer is none");
   return reply;
 }
 

@@ -22,7 +22,6 @@ namespace {
 
 using nlohmann::json;
 
-constexpr int kLater = 75;
 constexpr std::chrono::minutes kLongestSave{15};
 
 struct ControlArguments {
@@ -36,18 +35,12 @@ struct ControlArguments {
   std::int64_t utime_us = -1;
 };
 
-int report(const char* command, const Status& status) {
-  fmt::print(stderr, "submapctl {}: {}\n", command, status.message());
-  if (status.code() == StatusCode::kUnavailable) return kLater;
-  return status.code() == StatusCode::kInvalidArgument ? 2 : 1;
-}
-
 // Prints what failed and gives the exit code; 0 for a reply that did not fail.
 int code_of(const char* command, const json& reply) {
   if (text_of(reply, "state") != "failed") return 0;
   fmt::print(stderr, "submapctl {}: {}\n", command, text_of(reply, "message"));
   const std::string reason = text_of(reply, "reason");
-  return reason == "later" ? kLater : reason == "input" ? 2 : 1;
+  return reason == "later" ? kLater : reason == "input" ? kBadInput : kFailed;
 }
 
 Expected<json> ask(const ControlArguments& arguments, const json& request) {

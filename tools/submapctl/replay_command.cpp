@@ -24,17 +24,11 @@ struct ReplayArguments {
   bool no_loops = false;
 };
 
-int report(const Status& status) {
-  fmt::print(stderr, "submapctl replay: {}\n", status.message());
-  const bool users = status.code() == StatusCode::kInvalidArgument || status.code() == StatusCode::kNotFound;
-  return users ? 2 : 1;
-}
-
 int run_replay(const ReplayArguments& arguments) {
   ReplayOptions options;
   if (!arguments.config.empty()) {
     Expected<Configuration> configuration = load_configuration(arguments.config);
-    if (!configuration) return report(configuration.error());
+    if (!configuration) return report("replay", configuration.error());
     options.configuration = *configuration;
   }
   MapperOptions& mapper = options.configuration.mapper;
@@ -58,7 +52,7 @@ int run_replay(const ReplayArguments& arguments) {
                p.submaps, p.loops);
   });
   if (progress) fmt::print(stderr, "\n");
-  if (!result) return report(result.error());
+  if (!result) return report("replay", result.error());
   fmt::print("{}", result->summary);
   return 0;
 }

@@ -23,18 +23,13 @@ struct SensorsArguments {
   double wait_s = SurveyOptions{}.longest_s;
 };
 
-int report(const Status& status) {
-  fmt::print(stderr, "submapctl sensors: {}\n", status.message());
-  return status.code() == StatusCode::kInvalidArgument ? 2 : 1;
-}
-
 int assign(const SensorsArguments& arguments) {
   const auto roles = parse_assignment(arguments.assign);
   if (!roles) {
-    return report(roles.error());
+    return report("sensors", roles.error());
   }
   if (const Status status = assign_roles(arguments.config, *roles); !status.ok()) {
-    return report(status);
+    return report("sensors", status);
   }
   fmt::print("{}: H is {}, V is {}. A running submapd takes it at its next start.\n", arguments.config,
              roles->horizontal, roles->vertical.value_or("nobody"));
@@ -62,11 +57,11 @@ int list(const SensorsArguments& arguments) {
   if (configuration) {
     options.roles = configuration->scanner.roles;
   } else if (configuration.error().code() != StatusCode::kNotFound) {
-    return report(configuration.error());
+    return report("sensors", configuration.error());
   }
   const auto sensors = survey_sensors(options);
   if (!sensors) {
-    return report(sensors.error());
+    return report("sensors", sensors.error());
   }
   if (arguments.json) {
     fmt::print("{}", json_of(*sensors));

@@ -27,13 +27,6 @@ struct SimulateArguments {
   std::string format = "clf";
 };
 
-int report(const Status& status) {
-  fmt::print(stderr, "submapctl simulate: {}\n", status.message());
-  const bool users = status.code() == StatusCode::kInvalidArgument || status.code() == StatusCode::kCorrupt ||
-                     status.code() == StatusCode::kNotFound;
-  return users ? 2 : 1;
-}
-
 Status write_run(Simulator& simulator, ScanSink& log, ScanSink& truth) {
   const bool progress = isatty(STDERR_FILENO) == 1;
   while (const std::optional<Scan> scan = simulator.next()) {
@@ -60,7 +53,7 @@ int simulate(const SimulateArguments& arguments) {
   const Expected<Scene> scene =
       make_scene({arguments.world, arguments.waypoints, arguments.resolution_m, arguments.seed});
   if (!scene) {
-    return report(scene.error());
+    return report("simulate", scene.error());
   }
 
   MotionOptions motion_options;
@@ -69,7 +62,7 @@ int simulate(const SimulateArguments& arguments) {
   motion_options.speed_m_s = arguments.speed_m_s;
   Expected<Motion> motion = Motion::along(scene->route, motion_options);
   if (!motion) {
-    return report(motion.error());
+    return report("simulate", motion.error());
   }
   SimulatorOptions options;
   options.seed = arguments.seed;
@@ -83,14 +76,14 @@ int simulate(const SimulateArguments& arguments) {
   const std::string log_path = arguments.out + "." + arguments.format;
   auto log = arguments.format == "lcmlog" ? open_lcm_sink(log_path) : open_clf_sink(log_path);
   if (!log) {
-    return report(log.error());
+    return report("simulate", log.error());
   }
   auto truth = open_truth_sink(arguments.out + ".truth.tum");
   if (!truth) {
-    return report(truth.error());
+    return report("simulate", truth.error());
   }
   if (const Status status = write_run(simulator, **log, **truth); !status.ok()) {
-    return report(status);
+    return report("simulate", status);
   }
   fmt::print("{}.{}: {} scans, {:.1f} s, {:.1f} m of way, {} walls, seed {}\n", arguments.out, arguments.format,
              simulator.scan_count(), cart->duration_s(), cart->length_m(), scene->world->segments().size(),
