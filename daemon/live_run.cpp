@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <exception>
 
+#include "daemon/allocator.hpp"
 #include "daemon/daemon_log.hpp"
 #include "daemon/multicast_route.hpp"
 #include "daemon/version.hpp"
@@ -20,6 +21,7 @@ constexpr std::size_t kReports = 160;  // four seconds
 constexpr std::int64_t kSecond_ns = 1'000'000'000;
 constexpr std::int64_t kDiskRate_ns = 10 * kSecond_ns;    // over which the raw log's growth is measured
 constexpr std::int64_t kAfterLast_us = 1'000'000;         // a run goes on at least this long after its newest scan
+constexpr std::size_t kWork_bytes = 16U << 20;            // of heap: a match of two sub-maps, a live solve, messages
 constexpr std::chrono::milliseconds kSavePatience{5000};  // at the end of a run
 // Scans that may wait when their source can: few for the mapper, a second's for the recorder.
 constexpr std::uint64_t kWaiting = 4;
@@ -43,6 +45,7 @@ Expected<std::unique_ptr<LiveRun>> LiveRun::start(const Configuration& configura
     if (Status status = run->choose_run(input); !status.ok()) return failure(status);
     if (Status status = run->open_files(); !status.ok()) return failure(status);
     if (Status status = run->start_threads(); !status.ok()) return failure(status);
+    reserve_heap(configuration.submap_cache_bytes + configuration.graph_bytes + kWork_bytes);
     return run;
   } catch (const std::exception& error) {  // no memory, no threads, no descriptors
     return failure(StatusCode::kInternal, fmt::format("cannot start: {}", error.what()));
@@ -107,6 +110,14 @@ Status LiveRun::open_files() {
   if (!archive) return archive.error();
   archive_ = std::move(*archive);
   const std::int64_t until_us = resume_ ? resume_->mapped_until_us() : std::numeric_limits<std::int64_t>::min();
+  if (resume_) {  // before poses are cut away
+    const Expected<std::unique_ptr<PoseSpool>> all =
+        PoseSpool::open(folder_.poses(), std::numeric_limits<std::int64_t>::max());
+    if (!all) return all.error();
+    Expected<std::vector<Standstill>> standstills = find_standstills(**all, until_us);
+    if (!standstills) return standstills.error();
+    resume_->standstills = std::move(*standstills);
+  }
   Expected<std::unique_ptr<PoseSpool>> poses = PoseSpool::open(folder_.poses(), until_us);
   if (!poses) return poses.error();
   poses_ = std::move(*poses);
@@ -159,6 +170,7 @@ void LiveRun::start_mapper() {
     options.last = resume_->last;
     const std::optional<std::uint64_t> after =
         resume_->last ? std::optional(resume_->last->keyframes.back().scan_index) : std::nullopt;
+    options.standstills = resume_->standstills;
     options.backlog = scans_after(*resume_, folder_.run, Channels(configuration_.lcm.prefix), after);
     options.first_index = resume_->next_index[0];
     options.after_us = resume_->last_stamp_us[0];

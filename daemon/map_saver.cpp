@@ -31,6 +31,38 @@ constexpr int kTries = 3;                         // the open sub-map may close 
 constexpr std::uint64_t kRoom_bytes = 64U << 20;  // less room on the disk is not worth a try
 constexpr std::chrono::seconds kRecorderPatience{10};
 
+Status ends() {
+  return {StatusCode::kUnavailable, "the daemon ends"};
+}
+
+// What a map takes long over is read piece by piece: at its end the daemon gives no more.
+class SubmapsUntil final : public SubmapSource {
+ public:
+  SubmapsUntil(const std::atomic<bool>& stop, SubmapSource& source) : stop_(stop), source_(source) {}
+  Expected<std::shared_ptr<const FinishedSubmap>> load(std::uint32_t index) override {
+    if (stop_.load()) return failure(ends());
+    return source_.load(index);
+  }
+
+ private:
+  const std::atomic<bool>& stop_;
+  SubmapSource& source_;
+};
+
+class ScansUntil final : public CloudScans {
+ public:
+  ScansUntil(const std::atomic<bool>& stop, std::unique_ptr<CloudScans> scans)
+      : stop_(stop), scans_(std::move(scans)) {}
+  Expected<std::optional<CloudScan>> next() override {
+    if (stop_.load()) return failure(ends());
+    return scans_->next();
+  }
+
+ private:
+  const std::atomic<bool>& stop_;
+  const std::unique_ptr<CloudScans> scans_;
+};
+
 }  // namespace
 
 MapSaver::MapSaver(const Configuration& configuration, const RunFolder& run, const SaverLinks& links)
@@ -41,7 +73,7 @@ MapSaver::MapSaver(const Configuration& configuration, const RunFolder& run, con
 MapSaver::~MapSaver() {
   {
     const MutexLock lock(mutex_);
-    stop_ = true;
+    stop_.store(true);
   }
   wanted_.notify_all();
   thread_.join();
@@ -91,7 +123,7 @@ void MapSaver::run() {
     SaveRequest request;
     {
       const MutexLock lock(mutex_);
-      while (!request_ && !stop_) wanted_.wait(mutex_);
+      while (!request_ && !stop_.load()) wanted_.wait(mutex_);
       if (!request_) return;
       request = *std::exchange(request_, std::nullopt);
     }
@@ -146,7 +178,8 @@ Status MapSaver::draw() {
   Expected<std::unique_ptr<SubmapArchive>> archive = SubmapArchive::open(folder_.submaps(), 0);
   if (!archive) return archive.error();
   const auto open = std::make_shared<const FinishedSubmap>(std::move(*run->open));
-  WithOpenSubmap submaps(**archive, open);
+  WithOpenSubmap all(**archive, open);
+  SubmapsUntil submaps(stop_, all);
   const GraphState graph = links_.optimizer.latest();
   const Expected<FinalResult> live = live_result(graph, open->id.index, submaps);
   if (!live) return live.error();
@@ -171,7 +204,9 @@ Expected<MapSaver::Solved> MapSaver::solve() {
 
 OpenCloudScans MapSaver::vertical_scans() const {
   return [this]() -> Expected<std::unique_ptr<CloudScans>> {
-    return open_recorded_scans(folder_.path, Channels(configuration_.lcm.prefix), driver::SensorRole::kVertical);
+    auto scans = open_recorded_scans(folder_.path, Channels(configuration_.lcm.prefix), driver::SensorRole::kVertical);
+    if (!scans) return scans;
+    return std::make_unique<ScansUntil>(stop_, std::move(*scans));
   };
 }
 
@@ -243,7 +278,8 @@ Status MapSaver::save(const SaveRequest& request) {
     cloud = *size;
   }
   tell(65);
-  WithOpenSubmap submaps(**archive, solved->open);
+  WithOpenSubmap all(**archive, solved->open);
+  SubmapsUntil submaps(stop_, all);
   const RunOutputs outputs{.folder = folder->aside(),
                            .name = request.name,
                            .subtitle = fmt::format("submapd {}, run {}", kVersion, folder_.name),

@@ -3,6 +3,7 @@
 // A thread of its own that works on one request at a time. Threads: start() and progress() by any.
 #pragma once
 
+#include <atomic>
 #include <chrono>
 #include <condition_variable>
 #include <filesystem>
@@ -103,7 +104,7 @@ class MapSaver {
   std::optional<SaveRequest> request_ GUARDED_BY(mutex_);
   SaveProgress progress_ GUARDED_BY(mutex_);
   ScannerMount mount_ GUARDED_BY(mutex_);
-  bool stop_ GUARDED_BY(mutex_) = false;
+  std::atomic<bool> stop_{false};  // set with mutex_ held
 
   std::thread thread_;
 };

@@ -16,6 +16,16 @@ constexpr std::chrono::milliseconds kSnapshotPatience{2000};
 constexpr std::chrono::milliseconds kTakePatience{5000};
 constexpr std::chrono::milliseconds kLookAgain{1};
 
+// Of a scan at the place of another.
+ScanReport same_place(ScanReport report, const Scan& scan) {
+  report.scan_index = scan.index;
+  report.stamp_us = scan.stamp_us;
+  report.keyframe = false;
+  report.keyframe_step = {};
+  report.keyframe_linked = false;
+  return report;
+}
+
 }  // namespace
 
 driver::Doorbell make_doorbell() {
@@ -118,6 +128,8 @@ void MapperThread::run() {
 // Not real-time: this reads the disk, and waits for the recorder, so that nothing is lost and nothing depends on time.
 void MapperThread::work_off_backlog() {
   if (options_.real_time && priority_.ok()) give_up_fifo_priority();
+  std::optional<ScanReport> before;
+  auto standstill = options_.standstills.begin();
   while (const std::optional<Scan> scan = options_.backlog()) {
     const auto taken = [this] {
       return (to_recorder_.size() < to_recorder_.capacity() && !mapper_->has_finished()) || stop_.load() != Stop::kNo;
@@ -130,7 +142,10 @@ void MapperThread::work_off_backlog() {
       whole_ = false;
       return;
     }
-    const ScanReport report = mapper_->process(*scan);
+    while (standstill != options_.standstills.end() && standstill->last_us < scan->stamp_us) ++standstill;
+    const bool stood = before && standstill != options_.standstills.end() && standstill->contains(scan->stamp_us);
+    const ScanReport report = stood ? same_place(*before, *scan) : mapper_->process(*scan);
+    before = report;
     MappedScan* const slot = to_recorder_.claim();
     *slot = {report, scan->stamp_us * 1000};
     to_recorder_.publish();

@@ -14,6 +14,7 @@
 #include <memory>
 #include <optional>
 #include <thread>
+#include <vector>
 
 #include "daemon/heartbeat.hpp"
 #include "daemon/pause_window.hpp"
@@ -21,6 +22,7 @@
 #include "driver/ring/scan_ring.hpp"
 #include "slam/base/status.hpp"
 #include "slam/filter/mapper.hpp"
+#include "slam/output/standstill.hpp"
 
 namespace submapd {
 
@@ -43,8 +45,9 @@ struct MapperThreadOptions {
   bool resumed = false;
   std::shared_ptr<const FinishedSubmap> last;
   std::function<std::optional<Scan>()> backlog;
-  std::uint64_t first_index = 0;  // of the first scan from the ring
-  std::int64_t after_us = 0;      // and an instant before it
+  std::vector<Standstill> standstills;  // in order of time: scans of then are not mapped and get the pose before them
+  std::uint64_t first_index = 0;        // of the first scan from the ring
+  std::int64_t after_us = 0;            // and an instant before it
 };
 
 // Of the mapper's thread, for any other. Monotonic but for the last five, which are of the newest scan.

@@ -19,6 +19,7 @@
 #include "daemon/run_journal.hpp"
 #include "proto/channels.hpp"
 #include "slam/output/run_outputs.hpp"
+#include "slam/output/standstill.hpp"
 
 namespace submapd {
 
@@ -33,6 +34,7 @@ struct ResumePoint {
   std::vector<Mark> marks;                     // in order of time
   std::vector<std::filesystem::path> raw_files;
   int next_raw_file = 0;
+  std::vector<Standstill> standstills;  // of the part that is mapped again
   // Of the raw log's scans and the sub-maps' key-frames, by SensorRole.
   std::array<std::uint64_t, driver::kSensorRoles> next_index{};
   std::array<std::int64_t, driver::kSensorRoles> last_stamp_us{};

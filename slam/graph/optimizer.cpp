@@ -152,6 +152,7 @@ void Optimizer::Impl::seek_live() {
   const auto newest = static_cast<std::uint32_t>(model.submaps.size() - 1);
   const auto ranked = search.untried(model, uncertainty, newest, kLiveGap);
   for (const LoopCandidate& candidate : graph::LoopSearch::spread_out(model, ranked, kLiveRuns)) {
+    if (cancelled->load()) return;
     search.run(model, candidate, bytes_left());
     count();
   }
@@ -161,7 +162,7 @@ void Optimizer::Impl::seek_live() {
 // learns. `budget` in matcher runs.
 void Optimizer::Impl::seek_all(std::size_t budget, bool accept_lone) {
   const std::size_t batch = std::max<std::size_t>(kLiveRuns, 2 * model.submaps.size());
-  while (budget > 0) {
+  while (budget > 0 && !cancelled->load()) {
     const graph::RelativeUncertainty uncertainty(model);
     std::vector<LoopCandidate> ranked;
     for (std::uint32_t b = kFinalGap; b < model.submaps.size(); ++b) {
@@ -191,7 +192,7 @@ void Optimizer::Impl::seek_all(std::size_t budget, bool accept_lone) {
 
 Status Optimizer::Impl::solve(const std::vector<std::size_t>& news) {
   const auto start = std::chrono::steady_clock::now();
-  const auto summary = graph::solve_live(model, news);
+  const auto summary = graph::solve_live(model, news, cancelled.get());
   const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - start;
   ++counters.solves;
   ++version;
@@ -243,7 +244,7 @@ Expected<FinalResult> Optimizer::Impl::finish(std::size_t runs) {
   archive.release();  // the solver needs the room
   graph::TrackGraph track = graph::build_track_graph(model);
   const auto start = std::chrono::steady_clock::now();
-  const auto summary = graph::solve_track_graph(track);
+  const auto summary = graph::solve_track_graph(track, cancelled.get());
   const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - start;
   ++counters.solves;
   counters.solve_ms_max = std::max(counters.solve_ms_max, took.count());

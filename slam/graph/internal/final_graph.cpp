@@ -111,7 +111,7 @@ TrackGraph build_track_graph(const GraphModel& model) {
   return graph;
 }
 
-Expected<SolveSummary> solve_track_graph(TrackGraph& graph) {
+Expected<SolveSummary> solve_track_graph(TrackGraph& graph, const std::atomic<bool>* cancelled) {
   LeastSquaresGraph problem;
   problem.poses.reserve(graph.track.size());
   for (const OptimizedKeyframe& keyframe : graph.track) problem.poses.push_back(keyframe.map_from_base);
@@ -122,7 +122,7 @@ Expected<SolveSummary> solve_track_graph(TrackGraph& graph) {
   for (const auto& row : graph.sights) {
     problem.point_rows.push_back({row.track_point, row.landmark, row.z, *whitening(row.covariance)});
   }
-  const auto summary = solve(problem, {kFinalIterations, kFinalCauchyScale});
+  const auto summary = solve(problem, {kFinalIterations, kFinalCauchyScale, cancelled});
   if (!summary) return summary;
   for (std::size_t k = 0; k < graph.track.size(); ++k) graph.track[k].map_from_base = problem.poses[k];
   graph.landmarks = std::move(problem.points);

@@ -6,6 +6,7 @@
 // from several of its key-frames to one spot of its map.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <vector>
 
@@ -51,8 +52,8 @@ struct TrackGraph {
 // Values from the live poses. Rows from links, landmarks of linked neighbours and confirmed loops.
 [[nodiscard]] TrackGraph build_track_graph(const GraphModel& model);
 
-// Solves in place, up to 50 iterations.
-Expected<SolveSummary> solve_track_graph(TrackGraph& graph);
+// Solves in place, up to 50 iterations. `cancelled`: SolveOptions.
+Expected<SolveSummary> solve_track_graph(TrackGraph& graph, const std::atomic<bool>* cancelled = nullptr);
 
 // Vertices and edges with the graph's present values; a sub-map's vertex hangs on its first key-frame by an identity
 // edge.

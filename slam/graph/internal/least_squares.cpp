@@ -1,5 +1,6 @@
 #include "slam/graph/internal/least_squares.hpp"
 
+#include <ceres/iteration_callback.h>
 #include <ceres/loss_function.h>
 #include <ceres/problem.h>
 #include <ceres/solver.h>
@@ -49,6 +50,18 @@ ceres::LinearSolverType linear_solver(const LeastSquaresGraph& graph) {
 void silence_glog() {
   FLAGS_minloglevel = google::GLOG_FATAL;
 }
+
+class Cancellation : public ceres::IterationCallback {
+ public:
+  explicit Cancellation(const std::atomic<bool>* flag) : flag_(flag) {}
+  [[nodiscard]] bool cancelled() const { return flag_ != nullptr && flag_->load(); }
+  ceres::CallbackReturnType operator()(const ceres::IterationSummary& /*summary*/) override {
+    return cancelled() ? ceres::SOLVER_ABORT : ceres::SOLVER_CONTINUE;
+  }
+
+ private:
+  const std::atomic<bool>* const flag_;
+};
 
 // CHOLMOD would clear its arrays by an OpenMP team of four: threads nobody has counted, with the caller's priority. It
 // asks for that number itself; only a depth of no parallel regions at all keeps the calling thread alone. The runtime
@@ -132,8 +145,11 @@ Expected<SolveSummary> solve(LeastSquaresGraph& graph, const SolveOptions& optio
   solver.function_tolerance = 1e-7;
   solver.parameter_tolerance = 1e-12;
   solver.gradient_tolerance = 1e-12;
+  Cancellation cancellation(options.cancelled);
+  solver.callbacks.push_back(&cancellation);
   ceres::Solver::Summary summary;
   ceres::Solve(solver, &problem, &summary);
+  if (cancellation.cancelled()) return failure(StatusCode::kUnavailable, "graph solver: the program ends");
   if (!summary.IsSolutionUsable()) {
     return failure(StatusCode::kInternal, "graph solver: " + summary.message + "; the graph keeps its last values");
   }

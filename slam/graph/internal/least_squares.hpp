@@ -5,6 +5,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <atomic>
 #include <cstdint>
 #include <optional>
 #include <vector>
@@ -37,7 +38,8 @@ struct LeastSquaresGraph {
 
 struct SolveOptions {
   int max_iterations = 10;
-  double cauchy_scale = 1.0;  // whitened residual at which a landmark row begins to lose weight
+  double cauchy_scale = 1.0;                     // whitened residual at which a landmark row begins to lose weight
+  const std::atomic<bool>* cancelled = nullptr;  // looked at between iterations; may be null
 };
 
 struct SolveSummary {
@@ -58,7 +60,7 @@ struct SolveSummary {
 
 // Moves poses and points to a minimum near by. On failure they are left as they were. Large graphs are solved by
 // conjugate gradients on the Schur complement, whose memory grows with the rows only: the fill of a factor grows with
-// every pass through the same place (1 GB after ten).
+// every pass through the same place (1 GB after ten). kUnavailable when `cancelled` is set.
 // REQUIRES: at least one pose, every index within its vector.
 Expected<SolveSummary> solve(LeastSquaresGraph& graph, const SolveOptions& options);
 

@@ -52,7 +52,8 @@ LeastSquaresGraph build_live_graph(const GraphModel& model) {
   return graph;
 }
 
-Expected<SolveSummary> solve_live(GraphModel& model, const std::vector<std::size_t>& news) {
+Expected<SolveSummary> solve_live(GraphModel& model, const std::vector<std::size_t>& news,
+                                  const std::atomic<bool>* cancelled) {
   for (const std::size_t k : news) {
     const LoopRecord& record = model.loops[k];
     if (!calls_for_jump(model, record.loop.match)) continue;
@@ -62,7 +63,7 @@ Expected<SolveSummary> solve_live(GraphModel& model, const std::vector<std::size
     if (cost(build_live_graph(model), kCauchyScale) > before) poses.swap(model.poses);
   }
   LeastSquaresGraph graph = build_live_graph(model);
-  const auto summary = solve(graph, {kLiveIterations, kCauchyScale});
+  const auto summary = solve(graph, {kLiveIterations, kCauchyScale, cancelled});
   if (summary) model.poses = std::move(graph.poses);
   return summary;
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <atomic>
 #include <vector>
 
 #include "slam/base/status.hpp"
@@ -18,8 +19,10 @@ namespace submapd::graph {
 [[nodiscard]] LeastSquaresGraph build_live_graph(const GraphModel& model);
 
 // Solves from the present poses and stores the result in them. `news`: loops confirmed since the last solve; where one
-// of them calls for a jump, its closure is first spread over the chain if that lowers the cost.
-Expected<SolveSummary> solve_live(GraphModel& model, const std::vector<std::size_t>& news);
+// of them calls for a jump, its closure is first spread over the chain if that lowers the cost. `cancelled`:
+// SolveOptions.
+Expected<SolveSummary> solve_live(GraphModel& model, const std::vector<std::size_t>& news,
+                                  const std::atomic<bool>* cancelled = nullptr);
 
 // Poses with the closure of `record` spread over the sub-maps between its two, in proportion to the links' covariances;
 // what comes after follows rigidly. Heading first, then what is left of the translation.

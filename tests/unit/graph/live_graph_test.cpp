@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <cmath>
 
 #include "slam/graph/internal/loop_policy.hpp"
@@ -172,6 +173,21 @@ TEST(LoopPolicy, AConfirmedLoopTheGraphCannotMeetGoesBackToPending) {
   EXPECT_LT(largest_move(chain(37).poses, model.poses), 1e-6);
   EXPECT_EQ(reject_contradicted(model), 1);
   EXPECT_TRUE(model.loops.back().landmarks.empty());
+}
+
+TEST(LiveGraph, ASolveThatIsCancelledLeavesThePosesAsTheyWere) {
+  GraphModel model = chain(30);
+  model.loops.push_back(loop_at(0, 29, {3.0, 1.0, 0.2}, {1.0, 1.0, 0.1}));
+  model.loops.back().loop.state = LoopState::kConfirmed;
+  const std::vector<Pose2> before = model.poses;
+  std::atomic<bool> cancelled{true};
+  const auto refused = solve_live(model, {}, &cancelled);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code(), StatusCode::kUnavailable);
+  for (std::size_t k = 0; k < before.size(); ++k) EXPECT_EQ(model.poses[k].x, before[k].x);
+  cancelled = false;
+  ASSERT_TRUE(solve_live(model, {}, &cancelled));
+  EXPECT_NE(model.poses.back().x, before.back().x);
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include <memory>
 #include <vector>
 
+#include "slam/graph/internal/pair_tools.hpp"
 #include "tests/unit/graph/simulated_run.hpp"
 
 namespace submapd {
@@ -225,6 +226,33 @@ TEST(Optimizer, CountsWhatItHolds) {
     // The first sub-map is the gauge.
     EXPECT_EQ(outcome.states[k].submaps[0].map_from_submap, outcome.states[0].submaps[0].map_from_submap);
   }
+}
+
+TEST(Optimizer, WhatIsCancelledEndsBeforeItSolves) {
+  SimulatedRun run(ring_path(60.0, 2.0), {});
+  Optimizer* worked_on = nullptr;
+  PairTools tools = run.tools();
+  tools.refine = [&worked_on, refine = tools.refine](const FinishedSubmap& a, const FinishedSubmap& b,
+                                                     const Pose2& start) {
+    worked_on->cancel();  // another thread, while it works
+    return refine(a, b, start);
+  };
+  Optimizer optimizer({}, run, tools);
+  worked_on = &optimizer;
+  ASSERT_TRUE(optimizer.add_submap(run.submaps()[0]));
+  const auto added = optimizer.add_submap(run.submaps()[1]);
+  ASSERT_FALSE(added);
+  EXPECT_EQ(added.error().code(), StatusCode::kUnavailable);
+
+  OptimizerOptions without_loops;
+  without_loops.loops = false;
+  Optimizer last(without_loops, run, run.tools());
+  ASSERT_TRUE(last.add_submap(run.submaps()[0]));
+  ASSERT_TRUE(last.add_submap(run.submaps()[1]));
+  last.cancel();
+  const auto finished = last.finish();
+  ASSERT_FALSE(finished);
+  EXPECT_EQ(finished.error().code(), StatusCode::kUnavailable);
 }
 
 }  // namespace
