@@ -4,17 +4,13 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <chrono>
 #include <lcm/lcm-cpp.hpp>
-#include <memory>
 #include <span>
 #include <system_error>
 #include <utility>
 
 #include "daemon/lcm_receive.hpp"
 #include "daemon/map_folder.hpp"
-#include "daemon/multicast_route.hpp"
-#include "daemon/realtime.hpp"
 #include "proto/channels.hpp"
 #include "proto/lcm_message.hpp"
 #include "submapd/command_t.hpp"
@@ -24,21 +20,18 @@ namespace submapd {
 namespace {
 
 constexpr std::size_t kMostWaiting = 64;
-constexpr int kQueue = 64;         // messages that LCM keeps of a channel
-constexpr int kListen_ms = 100;    // between two looks at the end
-constexpr int kLooksAtRoute = 20;  // between two tries for a network
+constexpr int kQueue = 64;  // messages that LCM keeps of a channel
 
 }  // namespace
 
 LcmRequests::LcmRequests(const LcmConfiguration& configuration)
     : configuration_(configuration), fd_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
   if (fd_ < 0) throw std::system_error(errno, std::generic_category(), "eventfd");
-  thread_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
+  listener_.emplace(configuration.url, "inputs", [this](lcm::LCM& network) { subscribe(network); });
 }
 
 LcmRequests::~LcmRequests() {
-  thread_.request_stop();
-  thread_.join();
+  listener_.reset();
   ::close(fd_);
 }
 
@@ -113,38 +106,21 @@ void LcmRequests::on_message(Expected<ControlRequest> request) {
   (void)::eventfd_write(fd_, 1);
 }
 
-void LcmRequests::run(const std::stop_token& stop) {
-  name_thread("inputs");
+void LcmRequests::subscribe(lcm::LCM& network) {
   const Channels channels(configuration_.prefix);
-  std::unique_ptr<lcm::LCM> network;
-  int looks = 0;
-  while (!stop.stop_requested()) {
-    if (network == nullptr) {
-      if (looks++ % kLooksAtRoute != 0 || !has_multicast_route(configuration_.url)) {
-        std::this_thread::sleep_for(std::chrono::milliseconds(kListen_ms));
-        continue;
-      }
-      network = std::make_unique<lcm::LCM>(configuration_.url);
-      if (!can_receive(*network)) {
-        network.reset();
-        continue;
-      }
-      const auto listen = [&](const std::string& channel, auto on_bytes) {
-        network->subscribeFunction(channel, +on_bytes, this)->setQueueCapacity(kQueue);
-      };
-      using Buffer = const lcm::ReceiveBuffer*;
-      if (configuration_.triggers) {
-        listen(channels.trigger, [](Buffer buffer, const std::string&, LcmRequests* self) {
-          self->on_message(decode_trigger(bytes_of(buffer)));
-        });
-      }
-      if (configuration_.commands) {
-        listen(channels.command, [](Buffer buffer, const std::string&, LcmRequests* self) {
-          self->on_message(decode_command(bytes_of(buffer)));
-        });
-      }
-    }
-    if (network->handleTimeout(kListen_ms) < 0) network.reset();
+  const auto listen = [&](const std::string& channel, auto on_bytes) {
+    network.subscribeFunction(channel, +on_bytes, this)->setQueueCapacity(kQueue);
+  };
+  using Buffer = const lcm::ReceiveBuffer*;
+  if (configuration_.triggers) {
+    listen(channels.trigger, [](Buffer buffer, const std::string&, LcmRequests* self) {
+      self->on_message(decode_trigger(bytes_of(buffer)));
+    });
+  }
+  if (configuration_.commands) {
+    listen(channels.command, [](Buffer buffer, const std::string&, LcmRequests* self) {
+      self->on_message(decode_command(bytes_of(buffer)));
+    });
   }
 }
 

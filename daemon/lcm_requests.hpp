@@ -11,10 +11,10 @@
 #include <optional>
 #include <span>
 #include <string>
-#include <thread>
 
 #include "daemon/configuration.hpp"
 #include "daemon/control_protocol.hpp"
+#include "daemon/lcm_listener.hpp"
 #include "daemon/mutex.hpp"
 
 namespace submapd {
@@ -43,7 +43,7 @@ class LcmRequests {
   [[nodiscard]] static Expected<ControlRequest> decode_command(std::span<const std::byte> bytes);
 
  private:
-  void run(const std::stop_token& stop);
+  void subscribe(lcm::LCM& network);
   void on_message(Expected<ControlRequest> request);
 
   const LcmConfiguration configuration_;
@@ -53,7 +53,7 @@ class LcmRequests {
   std::atomic<std::uint64_t> dropped_{0};
   Mutex mutex_;
   std::deque<ControlRequest> requests_ GUARDED_BY(mutex_);
-  std::jthread thread_;
+  std::optional<LcmListener> listener_;
 };
 
 }  // namespace submapd

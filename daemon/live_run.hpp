@@ -14,6 +14,7 @@
 #include "daemon/clock_watch.hpp"
 #include "daemon/health.hpp"
 #include "daemon/map_saver.hpp"
+#include "daemon/odometry_input.hpp"
 #include "daemon/recorder_thread.hpp"
 #include "daemon/resume_point.hpp"
 #include "daemon/run_folder.hpp"
@@ -58,6 +59,7 @@ class LiveRun {
   [[nodiscard]] Status start_threads();
   void start_optimizer(const Channels& channels);
   void start_mapper();
+  void join_odometry();
   void look_at_scanners(Health& health);
   void look_at_rates(Health& health);
   void look_at_clock();
@@ -83,6 +85,7 @@ class LiveRun {
   PauseWindow pause_;
   ReportRing to_publisher_;
   ReportRing to_recorder_;
+  std::unique_ptr<OdometryInput> odometry_;  // if it is configured and the input has none of its own
   std::unique_ptr<ScanInput> input_;
 
   std::unique_ptr<RunJournal> journal_;

@@ -16,6 +16,7 @@ struct Channels {
         submap(prefix + "_SUBMAP"),
         graph(prefix + "_GRAPH"),
         health(prefix + "_HEALTH"),
+        odometry(prefix + "_ODOMETRY"),
         trigger(prefix + "_TRIGGER"),
         command(prefix + "_COMMAND") {}
 
@@ -27,7 +28,8 @@ struct Channels {
   std::string submap;
   std::string graph;
   std::string health;
-  std::string trigger;  // this and the next one come in
+  std::string odometry;  // this and the next two come in
+  std::string trigger;
   std::string command;
 };
 

@@ -9,6 +9,7 @@
 
 #include "proto/graph_conversion.hpp"
 #include "proto/lcm_message.hpp"
+#include "proto/odometry_conversion.hpp"
 #include "proto/scan_conversion.hpp"
 #include "proto/submap_chunks.hpp"
 #include "submapd/command_t.hpp"
@@ -44,6 +45,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     (void)submapd::decode_with_text<submapd::trigger_t>(message);
     (void)submapd::decode_message<submapd::pose_t>(message);
     (void)submapd::decode_health(message);
+    (void)submapd::decode_odometry(message);
   }
   return 0;
 }
