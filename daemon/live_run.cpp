@@ -355,6 +355,11 @@ void LiveRun::publish(const Health& health) {
   publisher_->post(Channels(configuration_.lcm.prefix).health, encode_message(message_of(health)));
 }
 
+void LiveRun::publish(const LcmCommand& command, const ControlReply& reply) {
+  publisher_->post(Channels(configuration_.lcm.prefix).reply,
+                   encode_command_reply(command, reply, folder_.cart, folder_.run, folder_.clock.utime_us()));
+}
+
 Status LiveRun::pause() {
   if (pause_.paused()) return {};
   if (!recorder_->note(RunPaused{})) return {StatusCode::kUnavailable, "the disk does not keep up; try again"};

@@ -39,6 +39,8 @@ class LiveRun {
   // Looks at everything; rates are over the last second. Call some ten times a second.
   [[nodiscard]] Health look();
   void publish(const Health& health);
+  // A reply to a command that came over LCM.
+  void publish(const LcmCommand& command, const ControlReply& reply);
 
   [[nodiscard]] MapSaver& saver() { return *saver_; }
   [[nodiscard]] RecorderThread& recorder() { return *recorder_; }

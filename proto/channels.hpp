@@ -16,6 +16,7 @@ struct Channels {
         submap(prefix + "_SUBMAP"),
         graph(prefix + "_GRAPH"),
         health(prefix + "_HEALTH"),
+        reply(prefix + "_REPLY"),
         odometry(prefix + "_ODOMETRY"),
         trigger(prefix + "_TRIGGER"),
         command(prefix + "_COMMAND") {}
@@ -28,6 +29,7 @@ struct Channels {
   std::string submap;
   std::string graph;
   std::string health;
+  std::string reply;
   std::string odometry;  // this and the next two come in
   std::string trigger;
   std::string command;

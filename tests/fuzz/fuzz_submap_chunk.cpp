@@ -14,6 +14,7 @@
 #include "proto/submap_chunks.hpp"
 #include "submapd/command_t.hpp"
 #include "submapd/pose_t.hpp"
+#include "submapd/reply_t.hpp"
 #include "submapd/trigger_t.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
@@ -42,6 +43,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       if (submapd::encode_intensities(*intensities, {}).size() != message.size()) std::abort();
     }
     (void)submapd::decode_with_text<submapd::command_t>(message);
+    (void)submapd::decode_with_text<submapd::reply_t>(message);
     (void)submapd::decode_with_text<submapd::trigger_t>(message);
     (void)submapd::decode_message<submapd::pose_t>(message);
     (void)submapd::decode_health(message);

@@ -1,4 +1,4 @@
-// What others on the cart send over LCM while it rolls: wheel odometry, good and bad.
+// What others on the cart send over LCM while it rolls: wheel odometry, good and bad; an operator's commands.
 #include <gtest/gtest.h>
 
 #include <lcm/lcm-cpp.hpp>
@@ -6,7 +6,9 @@
 
 #include "proto/lcm_message.hpp"
 #include "proto/scan_conversion.hpp"
+#include "submapd/command_t.hpp"
 #include "submapd/odometry_t.hpp"
+#include "submapd/reply_t.hpp"
 #include "tests/process/saved_map.hpp"
 #include "tools/log/log_reader.hpp"
 
@@ -143,6 +145,85 @@ TEST(LcmInputsTest, OdometryThatLiesBendsNothingAndReplaysTheSame) {
   expect_good_map(rig);
   ASSERT_EQ(rig.end(SIGTERM), 0);
   expect_the_same_replayed(rig);
+}
+
+// An operator's panel that has nothing but LCM.
+class Panel {
+ public:
+  Panel() { lcm_.subscribeFunction("CART_REPLY", &Panel::on_reply, this)->setQueueCapacity(100); }
+  void send(std::int8_t which, std::int64_t utime, const std::string& name) {
+    command_t command{};
+    command.utime = utime;
+    command.command = which;
+    command.name = name;
+    EXPECT_EQ(lcm_.publish("CART_COMMAND", &command), 0);
+  }
+  // All replies to a command, the last of which ends it.
+  [[nodiscard]] std::vector<reply_t> replies_to(std::int64_t utime) {
+    std::vector<reply_t> found;
+    const auto until = std::chrono::steady_clock::now() + std::chrono::seconds(30);
+    while (std::chrono::steady_clock::now() < until) {
+      if (lcm_.handleTimeout(100) <= 0) continue;
+      for (reply_t& reply : std::exchange(heard_, {})) {
+        if (reply.command_utime == utime) found.push_back(std::move(reply));
+      }
+      if (!found.empty() && found.back().state != reply_t::WORKING) return found;
+    }
+    ADD_FAILURE() << "no end of command " << utime << " after " << found.size() << " replies";
+    found.emplace_back();
+    return found;
+  }
+
+ private:
+  static void on_reply(const lcm::ReceiveBuffer* buffer, const std::string&, Panel* self) {
+    const Expected<reply_t> reply =
+        decode_with_text<reply_t>({static_cast<const std::byte*>(buffer->data), buffer->data_size});
+    ASSERT_TRUE(reply.has_value());
+    self->heard_.push_back(*reply);
+  }
+  lcm::LCM lcm_{kUrl};
+  std::vector<reply_t> heard_;
+};
+
+TEST(LcmInputsTest, APanelThatHasOnlyLcmLearnsHowItsCommandsWent) {
+  DaemonRig rig;
+  std::ofstream(rig.config(), std::ios::app) << "[lcm]\ncommands = true\n";
+  rig.start();
+  ASSERT_TRUE(rig.wait_for_submaps(1));
+  Panel panel;
+  panel.send(command_t::MARK, 10, "door");
+  EXPECT_EQ(panel.replies_to(10).back().message, "marked door");
+  panel.send(command_t::SAVE_MAP, 11, "../etc");
+  const reply_t refused = panel.replies_to(11).back();
+  EXPECT_EQ(refused.state, reply_t::FAILED);
+  EXPECT_EQ(refused.reason, reply_t::INPUT);
+  panel.send(42, 12, "");
+  EXPECT_EQ(panel.replies_to(12).back().reason, reply_t::INPUT);
+
+  panel.send(command_t::SAVE_MAP, 13, "hall");
+  const std::vector<reply_t> saved = panel.replies_to(13);
+  const std::filesystem::path hall = rig.runs()[0] / "maps" / "hall";
+  EXPECT_EQ(saved.front().state, reply_t::WORKING) << "accepted";
+  EXPECT_EQ(saved.back().state, reply_t::DONE);
+  EXPECT_EQ(saved.back().progress, 100);
+  EXPECT_EQ(saved.back().message, "saved " + hall.string());
+  EXPECT_EQ(get_uuid(saved.back().run), DaemonRig::journal_of(rig.runs()[0]).run);
+  for (std::size_t i = 1; i < saved.size(); ++i) EXPECT_GE(saved[i].progress, saved[i - 1].progress);
+  const auto written = std::filesystem::last_write_time(hall / "MANIFEST");
+  panel.send(command_t::SAVE_MAP, 13, "hall");
+  EXPECT_EQ(panel.replies_to(13).back().message, saved.back().message) << "the same request, if a reply was lost";
+  EXPECT_EQ(std::filesystem::last_write_time(hall / "MANIFEST"), written);
+  panel.send(command_t::SAVE_MAP, 14, "hall");
+  const std::vector<reply_t> twice = panel.replies_to(14);
+  EXPECT_EQ(twice.back().state, reply_t::FAILED) << "there is one of that name";
+  EXPECT_EQ(twice.back().message, save_map(rig, {{"name", "hall"}})["message"]) << "in the control socket's words";
+
+  panel.send(command_t::PAUSE, 15, "");
+  EXPECT_EQ(panel.replies_to(15).back().message, "paused");
+  EXPECT_TRUE(rig.wait_for_health([](const json& h) { return h["state"] == "paused"; }));
+  panel.send(command_t::RESUME, 16, "");
+  EXPECT_EQ(panel.replies_to(16).back().state, reply_t::DONE);
+  EXPECT_EQ(rig.end(SIGTERM), 0);
 }
 
 }  // namespace
