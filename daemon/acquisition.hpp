@@ -29,6 +29,10 @@ class Acquisition final : public ScanInput {
     return after_us ? RunClock::now_after(*after_us) : RunClock::now();
   }
   [[nodiscard]] ScanGeometry geometry() const override { return utm30lx_geometry(); }
+  [[nodiscard]] bool join_with(driver::OdometrySource& odometry) override {
+    horizontal_.join_with(odometry);
+    return true;
+  }
   [[nodiscard]] std::vector<driver::ScannerInfo> scanners() const override { return scanners_.snapshot(); }
   // The thread rests while no scanner is there.
   [[nodiscard]] bool must_move() const override;

@@ -123,6 +123,7 @@ std::vector<Key> keys_of(Configuration& c) {
   keys.push_back(url_key("lcm", "url", "multicast group", &c.lcm.url));
   keys.push_back(prefix_key("lcm", "prefix", "of all channels", &c.lcm.prefix));
   add("lcm", "scan_every", "", 0, 4000, &c.lcm.scan_every, "each so many-th scan is sent; 0 for none");
+  add("lcm", "odometry", "", 0, 0, &c.lcm.odometry, "messages on CART_ODOMETRY help the mapper");
   add("lcm", "triggers", "", 0, 0, &c.lcm.triggers, "messages on CART_TRIGGER set marks");
   add("lcm", "commands", "", 0, 0, &c.lcm.commands, "messages on CART_COMMAND are obeyed, whoever sends them");
   add("recorder", "raw", "", 0, 0, &c.recorder.raw, "write all scans of both scanners");

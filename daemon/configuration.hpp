@@ -38,6 +38,7 @@ struct LcmConfiguration {
   std::string url = "udpm://239.255.76.67:7667?ttl=0";
   std::string prefix = "CART";  // of all channels
   int scan_every = 4;           // each so many-th scan goes out; 0: none
+  bool odometry = false;        // CART_ODOMETRY reaches the mapper
   bool triggers = false;        // CART_TRIGGER sets marks
   bool commands = false;        // CART_COMMAND is obeyed, whoever sends it
 };

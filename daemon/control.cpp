@@ -25,7 +25,7 @@ constexpr std::int64_t kSecond_ns = 1'000'000'000;
 constexpr std::int64_t kLook_ns = kSecond_ns / 10;
 constexpr std::int64_t kButtonLook_ns = 2 * kSecond_ns;
 
-std::string reply_of(const std::string& id, const SaveProgress& progress) {
+ControlReply reply_of(const std::string& id, const SaveProgress& progress) {
   if (progress.state == SaveState::kFailed) return refusal(id, progress.status);
   const bool done = progress.state == SaveState::kDone;
   nlohmann::json extra = {{"name", progress.name}, {"progress", progress.percent}};
@@ -36,7 +36,7 @@ std::string reply_of(const std::string& id, const SaveProgress& progress) {
     extra["cloud_bytes"] = progress.cloud_bytes;
     words += fmt::format(", cloud of {:.1f} MB", 1e-6 * static_cast<double>(progress.cloud_bytes));
   }
-  return reply(id, done ? ReplyState::kDone : ReplyState::kWorking, words, std::move(extra));
+  return {id, done ? ReplyState::kDone : ReplyState::kWorking, words, StatusCode::kOk, std::move(extra)};
 }
 
 }  // namespace
@@ -158,11 +158,19 @@ void Control::on_button() {
 }
 
 void Control::on_input() {
-  while (const std::optional<ControlRequest> request = inputs_->take()) {
-    const std::string reply = answer_request(*request, {});
-    if (request->verb != ControlVerb::kMark) {
-      log(Severity::kInfo, fmt::format("{} {} by LCM: {}", verb_name(request->verb), request->name, reply));
+  while (const std::optional<LcmRequest> request = inputs_->take()) {
+    if (!request->command) {
+      (void)answer_request(request->request, {});  // a trigger
+      continue;
     }
+    const ControlReply reply =
+        request->status.ok() ? answer_request(request->request, {}) : refusal(request->request.id, request->status);
+    if (request->status.ok()) {
+      log(Severity::kInfo,
+          fmt::format("{} {} by LCM: {}", verb_name(request->request.verb), request->request.name, reply.message));
+    }
+    run_.publish(*request->command, reply);
+    if (reply.state == ReplyState::kWorking) waiting_command_ = request->command;
   }
 }
 
@@ -229,24 +237,27 @@ void Control::tell_waiting() {
   told_progress_ = progress;
   const bool drawn = progress.state == SaveState::kDone && progress.picture_only;
   const int picture = drawn ? ::open(progress.path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW) : -1;
-  for (const std::uint64_t client : waiting_) server_->send(client, reply_of(progress.id, progress), picture);
+  const ControlReply reply = reply_of(progress.id, progress);
+  for (const std::uint64_t client : waiting_) server_->send(client, encode_reply(reply), picture);
   if (picture >= 0) ::close(picture);
+  if (waiting_command_ && progress.id == waiting_command_->id()) run_.publish(*waiting_command_, reply);
   if (progress.state == SaveState::kWorking) return;
+  waiting_command_.reset();
   for (const std::uint64_t client : waiting_) server_->keep(client, false);
   waiting_.clear();
 }
 
 std::string Control::answer(std::string_view packet, const ControlPeer& peer) {
   const Expected<ControlRequest> request = parse_request(packet);
-  if (!request) return refusal("", request.error());
+  if (!request) return encode_reply(refusal("", request.error()));
   if (request->verb != ControlVerb::kStatus && request->verb != ControlVerb::kHealth) {
     log(Severity::kInfo,
         fmt::format("{} {} by user {}, process {}", verb_name(request->verb), request->name, peer.uid, peer.pid));
   }
-  return answer_request(*request, peer);
+  return encode_reply(answer_request(*request, peer));
 }
 
-std::string Control::answer_request(const ControlRequest& request, const ControlPeer& peer) {
+ControlReply Control::answer_request(const ControlRequest& request, const ControlPeer& peer) {
   switch (request.verb) {
     case ControlVerb::kStatus:
     case ControlVerb::kHealth:
@@ -265,9 +276,9 @@ std::string Control::answer_request(const ControlRequest& request, const Control
   return refusal(request.id, {StatusCode::kInternal, "unknown verb"});
 }
 
-std::string Control::answer_health(const ControlRequest& request) {
+ControlReply Control::answer_health(const ControlRequest& request) {
   const Health health = last_ ? *last_ : look();
-  return reply(request.id, ReplyState::kDone, words_of(health), {{"health", json_of(health)}});
+  return {request.id, ReplyState::kDone, words_of(health), StatusCode::kOk, {{"health", json_of(health)}}};
 }
 
 Expected<SaveProgress> Control::start_save(const ControlRequest& request) {
@@ -278,7 +289,7 @@ Expected<SaveProgress> Control::start_save(const ControlRequest& request) {
   return progress;
 }
 
-std::string Control::answer_picture(const ControlRequest& request, const ControlPeer& peer) {
+ControlReply Control::answer_picture(const ControlRequest& request, const ControlPeer& peer) {
   const Expected<SaveProgress> progress = run_.saver().start({request.id, "live", true, false, true, {}});
   if (!progress) return refusal(request.id, progress.error());
   waiting_.insert(peer.client);
@@ -286,7 +297,7 @@ std::string Control::answer_picture(const ControlRequest& request, const Control
   return reply_of(request.id, *progress);
 }
 
-std::string Control::answer_save(const ControlRequest& request, const ControlPeer& peer) {
+ControlReply Control::answer_save(const ControlRequest& request, const ControlPeer& peer) {
   const Expected<SaveProgress> progress = start_save(request);
   if (!progress) return refusal(request.id, progress.error());
   if (request.wait && progress->state == SaveState::kWorking) {
@@ -296,7 +307,7 @@ std::string Control::answer_save(const ControlRequest& request, const ControlPee
   return reply_of(request.id, *progress);
 }
 
-std::string Control::answer_mark(const ControlRequest& request) {
+ControlReply Control::answer_mark(const ControlRequest& request) {
   if (marks_.size() >= kMostMarks) {
     return refusal(request.id, {StatusCode::kExhausted, fmt::format("the run has {} marks already", kMostMarks)});
   }
@@ -307,18 +318,22 @@ std::string Control::answer_mark(const ControlRequest& request) {
   const auto later = std::upper_bound(marks_.begin(), marks_.end(), mark.utime_us,
                                       [](std::int64_t utime_us, const Mark& m) { return utime_us < m.utime_us; });
   marks_.insert(later, mark);
-  return reply(request.id, ReplyState::kDone, fmt::format("marked {}", mark.name), {{"utime_us", mark.utime_us}});
+  return {request.id,
+          ReplyState::kDone,
+          fmt::format("marked {}", mark.name),
+          StatusCode::kOk,
+          {{"utime_us", mark.utime_us}}};
 }
 
-std::string Control::answer_command(const ControlRequest& request) {
+ControlReply Control::answer_command(const ControlRequest& request) {
   if (request.verb == ControlVerb::kNewRun) {
     end_ = End::kNewRun;
     loop_.stop();
-    return reply(request.id, ReplyState::kDone, "the run ends, the next begins", nlohmann::json::object());
+    return {request.id, ReplyState::kDone, "the run ends, the next begins"};
   }
   const bool pause = request.verb == ControlVerb::kPause;
   if (Status status = pause ? run_.pause() : run_.resume(); !status.ok()) return refusal(request.id, status);
-  return reply(request.id, ReplyState::kDone, pause ? "paused" : "mapping goes on", nlohmann::json::object());
+  return {request.id, ReplyState::kDone, pause ? "paused" : "mapping goes on"};
 }
 
 }  // namespace submapd

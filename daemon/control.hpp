@@ -55,13 +55,13 @@ class Control {
   void tell_waiting();
 
   std::string answer(std::string_view packet, const ControlPeer& peer);
-  std::string answer_request(const ControlRequest& request, const ControlPeer& peer);
-  std::string answer_health(const ControlRequest& request);
-  std::string answer_save(const ControlRequest& request, const ControlPeer& peer);
-  std::string answer_picture(const ControlRequest& request, const ControlPeer& peer);
+  ControlReply answer_request(const ControlRequest& request, const ControlPeer& peer);
+  ControlReply answer_health(const ControlRequest& request);
+  ControlReply answer_save(const ControlRequest& request, const ControlPeer& peer);
+  ControlReply answer_picture(const ControlRequest& request, const ControlPeer& peer);
   [[nodiscard]] Expected<SaveProgress> start_save(const ControlRequest& request);
-  std::string answer_mark(const ControlRequest& request);
-  std::string answer_command(const ControlRequest& request);
+  ControlReply answer_mark(const ControlRequest& request);
+  ControlReply answer_command(const ControlRequest& request);
 
   Configuration& configuration_;
   const std::string path_;
@@ -82,7 +82,8 @@ class Control {
   std::int64_t looked_at_button_ns_ = 0;
   std::string told_;
   std::vector<Mark> marks_;
-  std::set<std::uint64_t> waiting_;  // clients that want to know how the save goes
+  std::set<std::uint64_t> waiting_;            // clients that want to know how the save goes
+  std::optional<LcmCommand> waiting_command_;  // over LCM: that began the save
   SaveProgress told_progress_;
 };
 

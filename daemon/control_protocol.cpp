@@ -89,24 +89,29 @@ Expected<ControlRequest> parse_request(std::string_view packet) {
   if (request.id.size() > kLongestId) return wrong(fmt::format("an id has at most {} characters", kLongestId));
   const bool named = request.verb == ControlVerb::kMark || !request.name.empty();
   if (named && !is_name(request.name)) {
-    return wrong(
-        "a name has 1 to 64 letters, digits, points, dashes and underscores and begins with a letter, a digit or an "
-        "underscore");
+    return wrong(kNameRule);
   }
   return request;
 }
 
-std::string reply(const std::string& id, ReplyState state, const std::string& message, nlohmann::json extra) {
-  extra["id"] = id;
-  extra["state"] = state == ReplyState::kDone ? "done" : state == ReplyState::kWorking ? "working" : "failed";
-  extra["message"] = message;
-  return dump(extra);
+ControlReply refusal(const std::string& id, const Status& status) {
+  return {id, ReplyState::kFailed, status.message(), status.code(), nlohmann::json::object()};
 }
 
-std::string refusal(const std::string& id, const Status& status) {
-  const bool users = status.code() == StatusCode::kInvalidArgument || status.code() == StatusCode::kNotFound;
-  const bool later = status.code() == StatusCode::kUnavailable;
-  return reply(id, ReplyState::kFailed, status.message(), {{"reason", users ? "input" : later ? "later" : "failed"}});
+Refusal reason_of(const ControlReply& reply) {
+  if (reply.code == StatusCode::kInvalidArgument || reply.code == StatusCode::kNotFound) return Refusal::kInput;
+  return reply.code == StatusCode::kUnavailable ? Refusal::kLater : Refusal::kOther;
+}
+
+std::string encode_reply(const ControlReply& reply) {
+  constexpr std::array<const char*, 3> kStates = {"done", "working", "failed"};
+  constexpr std::array<const char*, 3> kReasons = {"input", "later", "failed"};
+  nlohmann::json json = reply.extra;
+  json["id"] = reply.id;
+  json["state"] = kStates[static_cast<std::size_t>(reply.state)];
+  json["message"] = reply.message;
+  if (reply.state == ReplyState::kFailed) json["reason"] = kReasons[static_cast<std::size_t>(reason_of(reply))];
+  return dump(json);
 }
 
 }  // namespace submapd

@@ -4,7 +4,7 @@
 #pragma once
 
 #include <cstdint>
-#include <nlohmann/json_fwd.hpp>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -35,10 +35,20 @@ struct ControlRequest {
 
 enum class ReplyState { kDone, kWorking, kFailed };
 
-// `extra`: an object with what else there is to tell.
-[[nodiscard]] std::string reply(const std::string& id, ReplyState state, const std::string& message,
-                                nlohmann::json extra);
-// kFailed, with what makes the asker's exit code.
-[[nodiscard]] std::string refusal(const std::string& id, const Status& status);
+struct ControlReply {
+  std::string id;  // the request's
+  ReplyState state = ReplyState::kDone;
+  std::string message;
+  StatusCode code = StatusCode::kOk;                // with kFailed: makes the asker's exit code
+  nlohmann::json extra = nlohmann::json::object();  // what else there is to tell
+};
+[[nodiscard]] ControlReply refusal(const std::string& id, const Status& status);
+
+// Why it failed: the asker's fault, to be tried again later, or anything else.
+enum class Refusal : std::uint8_t { kInput, kLater, kOther };
+// REQUIRES: kFailed.
+[[nodiscard]] Refusal reason_of(const ControlReply& reply);
+
+[[nodiscard]] std::string encode_reply(const ControlReply& reply);
 
 }  // namespace submapd

@@ -124,7 +124,7 @@ void ControlServer::accept_one() {
   const auto on_packet = [this, id](std::uint32_t) { serve(id); };
   if (clients_.size() >= options_.most_clients || !loop_.add(fd, EPOLLIN, on_packet).ok()) {
     ++counters_.turned_away;
-    const std::string busy = refusal("", {StatusCode::kUnavailable, "too many clients; try again"});
+    const std::string busy = encode_reply(refusal("", {StatusCode::kUnavailable, "too many clients; try again"}));
     (void)!::send(fd, busy.data(), busy.size(), MSG_DONTWAIT | MSG_NOSIGNAL);
     ::close(fd);
     return;
@@ -143,7 +143,7 @@ void ControlServer::serve(std::uint64_t id) {
   found->second.heard_ns = driver::monotonic_now_ns();
   const ControlPeer peer = found->second.peer;
   if (static_cast<std::size_t>(size) > packet.size()) {
-    send(id, refusal("", {StatusCode::kInvalidArgument, "the request is too long"}));
+    send(id, encode_reply(refusal("", {StatusCode::kInvalidArgument, "the request is too long"})));
     return shut_out(id);
   }
   const std::string answer = handler_({packet.data(), static_cast<std::size_t>(size)}, peer);

@@ -59,6 +59,19 @@ nlohmann::json json_of(const SaveProgress& save) {
   return json;
 }
 
+nlohmann::json json_of(const std::optional<OdometryCounters>& odometry) {
+  const OdometryCounters counters = odometry.value_or(OdometryCounters{});
+  return {{"configured", odometry.has_value()},
+          {"taken", counters.taken},
+          {"bad", counters.bad},
+          {"foreign", counters.foreign},
+          {"stale", counters.stale},
+          {"crowded", counters.crowded},
+          {"jumps", counters.jumps},
+          {"dropped", counters.dropped},
+          {"joined", counters.joined}};
+}
+
 }  // namespace
 
 const char* state_name(std::int8_t state) {
@@ -83,6 +96,9 @@ std::string trouble_of(const Health& health) {
     return fmt::format("only {} MB left on the disk", health.recorder.disk_free_bytes >> 20);
   }
   if (!health.button_trouble.empty()) return health.button_trouble;
+  if (health.odometry && health.odometry->silent) {
+    return "no odometry that can be used comes over LCM; mapping goes on without it";
+  }
   if (!health.publisher.lcm) return "no network for LCM; mapping goes on without it";
   return {};
 }
@@ -165,6 +181,7 @@ nlohmann::json json_of(const Health& health) {
             {"skipped", health.mapper.skipped},
             {"missing", health.mapper.missing},
             {"lost", health.mapper.lost},
+            {"by_odometry", health.mapper.by_odometry},
             {"particles", health.mapper.particles},
             {"n_eff", health.mapper.n_eff},
             {"degenerate", health.mapper.degenerate},
@@ -203,6 +220,7 @@ nlohmann::json json_of(const Health& health) {
             {"bad", health.optimizer_thread.chunks.bad}}},
           {"save", json_of(health.save)},
           {"inputs", {{"taken", health.inputs.taken}, {"bad", health.inputs.bad}, {"dropped", health.inputs.dropped}}},
+          {"odometry", json_of(health.odometry)},
           {"control",
            {{"turned_away", health.clients.turned_away},
             {"shut_out", health.clients.shut_out},

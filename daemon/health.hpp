@@ -6,12 +6,14 @@
 #include <array>
 #include <cstdint>
 #include <nlohmann/json_fwd.hpp>
+#include <optional>
 #include <string>
 
 #include "daemon/control_server.hpp"
 #include "daemon/lcm_requests.hpp"
 #include "daemon/map_saver.hpp"
 #include "daemon/mapper_thread.hpp"
+#include "daemon/odometry_input.hpp"
 #include "daemon/optimizer_thread.hpp"
 #include "daemon/publisher_thread.hpp"
 #include "daemon/recorder_thread.hpp"
@@ -54,7 +56,8 @@ struct Health {
   double pose_hz = 0.0;           // sent over the last second
   double disk_minutes = -1.0;     // until raw recording stops, at the rate of the last ten seconds; -1: not known
   LcmInputCounters inputs;
-  ControlServerCounters clients;  // of the control socket
+  std::optional<OdometryCounters> odometry;  // if it is configured
+  ControlServerCounters clients;             // of the control socket
   std::uint64_t hook_failed = 0;
   std::string button_trouble;
   double longest_turn_ms = 0.0;  // of the control thread since the run began

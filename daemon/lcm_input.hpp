@@ -5,13 +5,12 @@
 
 #include <atomic>
 #include <memory>
-#include <thread>
 
+#include "daemon/lcm_listener.hpp"
 #include "daemon/scan_input.hpp"
 #include "proto/channels.hpp"
 
 namespace lcm {
-class LCM;
 struct ReceiveBuffer;
 }  // namespace lcm
 
@@ -20,7 +19,6 @@ namespace submapd {
 class LcmInput final : public ScanInput {
  public:
   LcmInput(const Configuration& configuration, driver::Doorbell& mapper_bell, driver::Doorbell& recorder_bell);
-  ~LcmInput() override;
 
   Status start() override;
   void stop() override;
@@ -34,8 +32,6 @@ class LcmInput final : public ScanInput {
   [[nodiscard]] const Heartbeat& heartbeat() const override { return heartbeat_; }
 
  private:
-  void run(const std::stop_token& stop);
-  void listen(lcm::LCM& lcm, const std::stop_token& stop);
   static void on_scan(const lcm::ReceiveBuffer* buffer, const std::string& channel, LcmInput* self);
   void take(driver::SensorRole role, const ScanMessage& message);
 
@@ -45,9 +41,8 @@ class LcmInput final : public ScanInput {
   std::array<std::int64_t, driver::kSensorRoles> skip_until_us_{};
   std::shared_ptr<std::atomic<std::int64_t>> now_ns_ = std::make_shared<std::atomic<std::int64_t>>(0);
   Heartbeat heartbeat_;
-  std::atomic<bool> network_{false};
   std::atomic<std::uint64_t> refused_{0};  // damaged, of another run, or of another scanner
-  std::jthread thread_;
+  std::unique_ptr<LcmListener> listener_;  // while it is started
 };
 
 }  // namespace submapd

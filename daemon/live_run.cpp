@@ -226,11 +226,20 @@ Status LiveRun::start_threads() {
            input_->recorder_ring(driver::SensorRole::kVertical).size() < kUnwritten &&
            to_recorder_.size() < kReports / 2 && to_publisher_.size() < kReports / 2;
   });
+  join_odometry();
   if (Status status = input_->start(); !status.ok()) return status;
   for (const Status* const priority : {&input_->priority(), &mapper_->priority()}) {
     if (!priority->ok()) remarks_.push_back(priority->message());
   }
   return {};
+}
+
+void LiveRun::join_odometry() {
+  if (!configuration_.lcm.odometry) return;
+  odometry_ = std::make_unique<OdometryInput>(configuration_.lcm, folder_.cart);
+  if (input_->join_with(odometry_->track())) return;
+  odometry_.reset();
+  remarks_.emplace_back("odometry comes with the scans; messages with odometry are not listened to");
 }
 
 LiveRun::~LiveRun() {
@@ -268,6 +277,7 @@ Health LiveRun::look() {
   health.optimizer_trouble = optimizer_thread_->status().message();
   health.save = saver_->progress();
   health.paused = pause_.paused();
+  if (odometry_ != nullptr) health.odometry = odometry_->counters();
   health.rss_bytes = resident_bytes();
   health.budget_bytes =
       mapper_->bytes_limit() + configuration_.submap_cache_bytes + configuration_.graph_bytes +
@@ -355,6 +365,11 @@ void LiveRun::look_at_scanners(Health& health) {
 
 void LiveRun::publish(const Health& health) {
   publisher_->post(Channels(configuration_.lcm.prefix).health, encode_message(message_of(health)));
+}
+
+void LiveRun::publish(const LcmCommand& command, const ControlReply& reply) {
+  publisher_->post(Channels(configuration_.lcm.prefix).reply,
+                   encode_command_reply(command, reply, folder_.cart, folder_.run, folder_.clock.utime_us()));
 }
 
 Status LiveRun::pause() {

@@ -14,6 +14,7 @@
 #include "daemon/clock_watch.hpp"
 #include "daemon/health.hpp"
 #include "daemon/map_saver.hpp"
+#include "daemon/odometry_input.hpp"
 #include "daemon/recorder_thread.hpp"
 #include "daemon/resume_point.hpp"
 #include "daemon/run_folder.hpp"
@@ -38,6 +39,8 @@ class LiveRun {
   // Looks at everything; rates are over the last second. Call some ten times a second.
   [[nodiscard]] Health look();
   void publish(const Health& health);
+  // A reply to a command that came over LCM.
+  void publish(const LcmCommand& command, const ControlReply& reply);
 
   [[nodiscard]] MapSaver& saver() { return *saver_; }
   [[nodiscard]] RecorderThread& recorder() { return *recorder_; }
@@ -58,6 +61,7 @@ class LiveRun {
   [[nodiscard]] Status start_threads();
   void start_optimizer(const Channels& channels);
   void start_mapper();
+  void join_odometry();
   void look_at_scanners(Health& health);
   void look_at_rates(Health& health);
   void look_at_clock();
@@ -83,6 +87,7 @@ class LiveRun {
   PauseWindow pause_;
   ReportRing to_publisher_;
   ReportRing to_recorder_;
+  std::unique_ptr<OdometryInput> odometry_;  // if it is configured and the input has none of its own
   std::unique_ptr<ScanInput> input_;
 
   std::unique_ptr<RunJournal> journal_;

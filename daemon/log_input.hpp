@@ -1,16 +1,15 @@
 // A recorded log as the daemon's input: fed as fast as the pipeline takes it, in the log's own time, nothing dropped.
 //
 // The next scan waits until its readers have room, so that the same log gives the same sub-maps. When the log ends the
-// run stays open. Odometry in the log is not used.
+// run stays open.
 #pragma once
 
 #include <atomic>
-#include <deque>
 #include <thread>
 
 #include "daemon/mutex.hpp"
 #include "daemon/scan_input.hpp"
-#include "tools/log/log_reader.hpp"
+#include "daemon/scan_log.hpp"
 
 namespace submapd {
 
@@ -41,14 +40,8 @@ class LogInput final : public ScanInput {
   void run(const std::stop_token& stop);
   [[nodiscard]] Status feed(const std::stop_token& stop);
 
-  // Of the log's scans that were decoded and not handed on yet: a reader looks one ahead.
-  struct About {
-    driver::SensorRole role;
-    ScanOrigin origin;
-  };
-  std::deque<About> about_;
-  std::unique_ptr<tools::LogReader> reader_;
-  std::optional<Scan> first_;
+  std::unique_ptr<ScanLog> log_;
+  std::optional<LoggedScan> first_;
   ScanGeometry geometry_;
   std::function<bool()> ready_ = [] { return true; };
   std::array<std::int64_t, driver::kSensorRoles> skip_until_us_{};

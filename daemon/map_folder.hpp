@@ -15,6 +15,10 @@ namespace submapd {
 
 // What maps, runs and marks may be called: [A-Za-z0-9_][A-Za-z0-9._-]{0,63}.
 [[nodiscard]] bool is_name(std::string_view name);
+// The same in words.
+inline constexpr const char* kNameRule =
+    "a name has 1 to 64 letters, digits, points, dashes and underscores and begins with a letter, a digit or an "
+    "underscore";
 
 class MapFolder {
  public:

@@ -112,11 +112,11 @@ Expected<OpenRun> MapperThread::snapshot() {
 
 MapperState MapperThread::state() const {
   constexpr auto kRelaxed = std::memory_order_relaxed;
-  return {mapped_.load(kRelaxed),     skipped_.load(kRelaxed) + scans_.dropped(),
-          missing_.load(kRelaxed),    lost_.load(kRelaxed),
-          particles_.load(kRelaxed),  n_eff_.load(kRelaxed),
-          degenerate_.load(kRelaxed), last_lost_.load(kRelaxed),
-          stamp_us_.load(kRelaxed)};
+  return {mapped_.load(kRelaxed),      skipped_.load(kRelaxed) + scans_.dropped(),
+          missing_.load(kRelaxed),     lost_.load(kRelaxed),
+          by_odometry_.load(kRelaxed), particles_.load(kRelaxed),
+          n_eff_.load(kRelaxed),       degenerate_.load(kRelaxed),
+          last_lost_.load(kRelaxed),   stamp_us_.load(kRelaxed)};
 }
 
 void MapperThread::run() {
@@ -164,6 +164,7 @@ void MapperThread::note(const ScanReport& report) {
   mapped_.fetch_add(1, kRelaxed);
   missing_.store(stamper_.missing(), kRelaxed);
   if (report.lost) lost_.fetch_add(1, kRelaxed);
+  if (report.odometry_used) by_odometry_.fetch_add(1, kRelaxed);
   particles_.store(report.particles, kRelaxed);
   n_eff_.store(report.n_eff, kRelaxed);
   degenerate_.store(report.degenerate, kRelaxed);

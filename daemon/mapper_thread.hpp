@@ -53,9 +53,10 @@ struct MapperThreadOptions {
 // Of the mapper's thread, for any other. Monotonic but for the last five, which are of the newest scan.
 struct MapperState {
   std::uint64_t scans = 0;
-  std::uint64_t skipped = 0;  // received and not mapped: left out to catch up, or the ring was full
-  std::uint64_t missing = 0;  // numbers that never came, by the sensor's count of turns
-  std::uint64_t lost = 0;     // mapped scans that fitted nowhere
+  std::uint64_t skipped = 0;      // received and not mapped: left out to catch up, or the ring was full
+  std::uint64_t missing = 0;      // numbers that never came, by the sensor's count of turns
+  std::uint64_t lost = 0;         // mapped scans that fitted nowhere
+  std::uint64_t by_odometry = 0;  // mapped scans that odometry led to
   int particles = 0;
   double n_eff = 0.0;
   bool degenerate = false;
@@ -140,6 +141,7 @@ class MapperThread {
   std::atomic<std::uint64_t> skipped_{0};
   std::atomic<std::uint64_t> missing_{0};
   std::atomic<std::uint64_t> lost_{0};
+  std::atomic<std::uint64_t> by_odometry_{0};
   std::atomic<int> particles_{0};
   std::atomic<double> n_eff_{0.0};
   std::atomic<bool> degenerate_{false};

@@ -3,15 +3,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <deque>
 #include <fstream>
 #include <utility>
 
 #include "daemon/map_folder.hpp"
-#include "proto/scan_conversion.hpp"
+#include "daemon/scan_log.hpp"
 #include "slam/base/atomic_file.hpp"
 #include "slam/submap/submap_archive.hpp"
-#include "tools/log/log_reader.hpp"
 #include "tools/log/raw_series.hpp"
 
 namespace submapd {
@@ -106,42 +104,21 @@ Status adopt_written(const RunFolder& folder, ResumePoint& point) {
 class RawScans {
  public:
   RawScans(std::vector<fs::path> files, const Uuid& run, const Channels& channels) {
-    Expected<std::unique_ptr<tools::ByteSource>> bytes = tools::open_series(files);
+    const std::string name = files.front().string();
+    Expected<std::unique_ptr<tools::ByteSource>> bytes = tools::open_series(std::move(files));
     if (!bytes) return;
-    auto reader = tools::open_log(
-        std::move(*bytes), files.front().string(),
-        [this, run, channels](std::string_view channel,
-                              std::span<const std::byte> data) -> Expected<std::optional<Scan>> {
-          const bool horizontal = channel == channels.scan_h;
-          if (!horizontal && channel != channels.scan_v) return std::optional<Scan>{};
-          Expected<ScanMessage> message = decode_scan(data);
-          if (!message) return failure(message.error());
-          if (message->origin.run != run) return std::optional<Scan>{};
-          roles_.push_back(horizontal ? driver::SensorRole::kHorizontal : driver::SensorRole::kVertical);
-          return std::optional<Scan>(std::move(message->scan));
-        });
-    if (reader) reader_ = std::move(*reader);
+    Expected<std::unique_ptr<ScanLog>> log = ScanLog::open(std::move(*bytes), name, channels, run);
+    if (log) log_ = std::move(*log);
   }
-  RawScans(const RawScans&) = delete;
-  RawScans& operator=(const RawScans&) = delete;
 
-  struct RoleScan {
-    driver::SensorRole role;
-    Scan scan;
-  };
   // Nothing at the end, or where the disk refuses: what came before counts.
-  std::optional<RoleScan> next() {
-    if (!reader_) return std::nullopt;
-    Expected<std::optional<Scan>> scan = reader_->next();
-    if (!scan || !scan->has_value()) return std::nullopt;
-    const driver::SensorRole role = roles_.front();
-    roles_.pop_front();
-    return RoleScan{role, std::move(**scan)};
+  std::optional<LoggedScan> next() {
+    if (!log_) return std::nullopt;
+    return log_->next().value_or(std::nullopt);
   }
 
  private:
-  std::deque<driver::SensorRole> roles_;  // of decoded scans; a reader looks one ahead
-  std::unique_ptr<tools::LogReader> reader_;
+  std::unique_ptr<ScanLog> log_;
 };
 
 void note_newest(const Channels& channels, const Uuid& run, ResumePoint& point) {
@@ -151,9 +128,9 @@ void note_newest(const Channels& channels, const Uuid& run, ResumePoint& point) 
     RawScans scans({*file}, run, channels);
     while (const auto found = scans.next()) {
       std::uint64_t& next = point.next_index[static_cast<std::size_t>(found->role)];
-      next = std::max(next, found->scan.index + 1);
+      next = std::max(next, found->message.scan.index + 1);
       std::int64_t& newest = point.last_stamp_us[static_cast<std::size_t>(found->role)];
-      newest = std::max(newest, found->scan.stamp_us);
+      newest = std::max(newest, found->message.scan.stamp_us);
     }
   }
   if (!point.last) return;
@@ -201,17 +178,17 @@ std::function<std::optional<Scan>()> scans_after(const ResumePoint& point, const
   std::vector<fs::path> files = point.raw_files;
   for (std::size_t i = files.size(); after && i-- > 1;) {
     RawScans scans({files[i]}, run, channels);
-    std::optional<RawScans::RoleScan> first = scans.next();
+    std::optional<LoggedScan> first = scans.next();
     while (first && first->role != driver::SensorRole::kHorizontal) first = scans.next();
-    if (!first || first->scan.index > *after) continue;
+    if (!first || first->message.scan.index > *after) continue;
     files.erase(files.begin(), files.begin() + static_cast<std::ptrdiff_t>(i));
     break;
   }
   if (files.empty()) return [] { return std::optional<Scan>(); };
   return [scans = std::make_shared<RawScans>(std::move(files), run, channels), after]() -> std::optional<Scan> {
-    while (std::optional<RawScans::RoleScan> found = scans->next()) {
-      if (found->role != driver::SensorRole::kHorizontal || (after && found->scan.index <= *after)) continue;
-      return std::move(found->scan);
+    while (std::optional<LoggedScan> found = scans->next()) {
+      if (found->role != driver::SensorRole::kHorizontal || (after && found->message.scan.index <= *after)) continue;
+      return std::move(found->message.scan);
     }
     return std::nullopt;
   };

@@ -6,7 +6,6 @@
 #include <zlib.h>
 
 #include <algorithm>
-#include <array>
 #include <cerrno>
 #include <cstring>
 #include <utility>
@@ -17,7 +16,6 @@
 namespace submapd {
 namespace {
 
-constexpr std::array<std::uint8_t, 8> kMagic = {'S', 'M', 'A', 'P', 'J', 'R', 'N', 'L'};
 constexpr std::size_t kHeaderBytes = 8 + 4 + 16 + 16 + 4;
 constexpr std::size_t kFrameBytes = 4 + 4;  // length before, CRC behind
 constexpr std::size_t kMinBody = 1 + 8;     // type, time
@@ -146,7 +144,7 @@ bool decode_body(std::span<const std::byte> body, std::uint32_t version, Journal
 
 std::vector<std::byte> encode_journal_header(const Uuid& cart, const Uuid& run, std::uint32_t version) {
   ByteWriter out;
-  out.put(std::span<const std::uint8_t>(kMagic));
+  out.put(std::as_bytes(std::span(kJournalMagic)));
   out.put(version);
   out.put(std::span<const std::uint8_t>(cart.bytes));
   out.put(std::span<const std::uint8_t>(run.bytes));
@@ -172,8 +170,9 @@ Expected<JournalContents> decode_journal(std::span<const std::byte> bytes) {
   };
   if (bytes.size() < kHeaderBytes) return corrupt(bytes.size(), "shorter than its header");
   ByteReader header(bytes.first(kHeaderBytes));
-  const std::span<const std::byte> magic = header.get_bytes(kMagic.size());
-  if (std::memcmp(magic.data(), kMagic.data(), kMagic.size()) != 0) return corrupt(0, "no journal of submapd");
+  const std::span<const std::byte> magic = header.get_bytes(kJournalMagic.size());
+  if (std::memcmp(magic.data(), kJournalMagic.data(), kJournalMagic.size()) != 0)
+    return corrupt(0, "no journal of submapd");
   JournalContents contents;
   contents.version = header.get<std::uint32_t>();
   for (Uuid* const id : {&contents.cart, &contents.run}) {

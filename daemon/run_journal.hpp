@@ -10,6 +10,7 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <string_view>
 #include <variant>
 #include <vector>
 
@@ -84,6 +85,8 @@ struct JournalRecord {
   JournalEvent event;
   friend bool operator==(const JournalRecord&, const JournalRecord&) = default;
 };
+
+inline constexpr std::string_view kJournalMagic = "SMAPJRNL";  // a journal begins with this
 
 struct JournalContents {
   std::uint32_t version = kJournalVersion;

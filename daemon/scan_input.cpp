@@ -21,6 +21,10 @@ void fill(driver::DeviceScan& slot, const ScanMessage& message) {
   slot.lost = slot.repeated = 0;
   slot.device_ms = static_cast<std::uint32_t>(std::max<std::int64_t>(message.origin.device_ms, 0) & 0xFFFFFF);
   slot.epoch = slot.flags = 0;
+  if (scan.odometry) {
+    slot.odometry = {scan.odometry->x, scan.odometry->y, scan.odometry->yaw};
+    slot.flags |= driver::kScanHasOdometry;
+  }
   slot.beams = static_cast<std::uint32_t>(scan.ranges_mm.size());
   std::copy(scan.ranges_mm.begin(), scan.ranges_mm.end(), slot.ranges_mm.begin());
 }

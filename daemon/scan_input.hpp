@@ -15,6 +15,7 @@
 #include "daemon/heartbeat.hpp"
 #include "daemon/run_clock.hpp"
 #include "driver/ring/scan_ring.hpp"
+#include "driver/scan_pipeline.hpp"
 #include "driver/scanners.hpp"
 #include "proto/scan_conversion.hpp"
 
@@ -44,6 +45,13 @@ class ScanInput {
   virtual void wait_for(std::function<bool()> ready) { (void)ready; }
   // A source that can leaves out what a run has already: scans up to these stamps, by SensorRole. Before start().
   virtual void skip_until(const std::array<std::int64_t, driver::kSensorRoles>& stamps_us) { (void)stamps_us; }
+
+  // Scans that come without odometry are joined with this; false if they bring their own. Before start(); the source
+  // must outlive the input.
+  [[nodiscard]] virtual bool join_with(driver::OdometrySource& odometry) {
+    (void)odometry;
+    return false;
+  }
 
   [[nodiscard]] virtual std::vector<driver::ScannerInfo> scanners() const { return {}; }
   // Nothing comes any more.

@@ -42,6 +42,10 @@ const Scan& ScanStamper::stamp(const driver::DeviceScan& measured) noexcept {
   const std::int64_t stamp_us = clock_.utime_us(measured.first_beam_mono_ns);
   scan_.stamp_us = std::max(stamp_us, scan_.stamp_us + 1);
   scan_.ranges_mm.assign(measured.ranges_mm.begin(), measured.ranges_mm.begin() + measured.beams);
+  scan_.odometry.reset();
+  if ((measured.flags & driver::kScanHasOdometry) != 0) {
+    scan_.odometry = Pose2{measured.odometry.x_m, measured.odometry.y_m, measured.odometry.yaw_rad};
+  }
   return scan_;
 }
 

@@ -18,6 +18,14 @@ enum ScanFlag : std::uint32_t {
       1U << 1,  // the bound was widened: clock taken over from before a reconnect, or not yet synchronised
   kScanHasIntensities = 1U << 2,
   kScanAfterFault = 1U << 3,  // a damaged frame came between this scan and the one before
+  kScanHasOdometry = 1U << 4,
+};
+
+// Where somebody else's odometry has the cart, in a frame of its own.
+struct Odometry {
+  double x_m = 0.0;
+  double y_m = 0.0;
+  double yaw_rad = 0.0;
 };
 
 struct DeviceScan {
@@ -34,6 +42,7 @@ struct DeviceScan {
   std::uint32_t epoch = 0;                 // counts restarts of the sensor's clock
   std::uint32_t flags = 0;                 // of ScanFlag
   std::uint32_t beams = 0;                 // values of ranges_mm (and intensities) in use
+  Odometry odometry;                       // at the first beam; only with kScanHasOdometry
   // Raw values from first_step on, counter-clockwise. Below the sensor's DMIN (23) a value is an error code, not a
   // distance. What the sensor sends above 65535 is stored as 65535: both mean nothing usable.
   std::array<std::uint16_t, kMaxBeams> ranges_mm{};

@@ -46,9 +46,15 @@ void ScanPipeline::on_scan(const scip::ScanData& scan) noexcept {
   if (time.repeated) {
     return;
   }
+  Odometry place;
+  const bool knows_place = odometry_ != nullptr && odometry_->at(time.first_beam_mono_ns, place);
   for (ScanRing* const ring : rings_) {
     DeviceScan* const slot = ring == nullptr ? nullptr : ring->claim();
     if (slot != nullptr && fill(*slot, scan, time)) {
+      if (knows_place) {
+        slot->odometry = place;
+        slot->flags |= kScanHasOdometry;
+      }
       ring->publish();
     }
   }

@@ -14,6 +14,16 @@
 
 namespace submapd::driver {
 
+// Knows where odometry has the cart. Asked once for each scan, on the event thread: neither allocates nor locks.
+class OdometrySource {
+ public:
+  // False if it does not know. Instants come in their order.
+  [[nodiscard]] virtual bool at(std::int64_t mono_ns, Odometry& odometry) noexcept = 0;
+
+ protected:
+  ~OdometrySource() = default;
+};
+
 class ScanPipeline final : public SensorSink {
  public:
   static constexpr std::size_t kMaxRings = 2;  // mapper and recorder
@@ -24,6 +34,9 @@ class ScanPipeline final : public SensorSink {
   ScanPipeline(const ScanPipeline&) = delete;
   ScanPipeline& operator=(const ScanPipeline&) = delete;
   ~ScanPipeline() = default;
+
+  // Every ring's scan gets the same. Before the first scan; must outlive the pipeline.
+  void join_with(OdometrySource& odometry) { odometry_ = &odometry; }
 
   void on_scan(const scip::ScanData& scan) noexcept override;
   void on_damaged_scan() noexcept override { after_fault_ = true; }
@@ -40,6 +53,7 @@ class ScanPipeline final : public SensorSink {
   double assumed_grid_us_;
   SensorClock clock_;
   std::array<ScanRing*, kMaxRings> rings_;
+  OdometrySource* odometry_ = nullptr;
   std::array<std::int64_t, 150> replies_ns_{};  // arrivals of TM1 replies on this line
   std::size_t replies_ = 0;
   bool measure_grid_ = false;  // replies came since it was measured

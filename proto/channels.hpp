@@ -16,6 +16,8 @@ struct Channels {
         submap(prefix + "_SUBMAP"),
         graph(prefix + "_GRAPH"),
         health(prefix + "_HEALTH"),
+        reply(prefix + "_REPLY"),
+        odometry(prefix + "_ODOMETRY"),
         trigger(prefix + "_TRIGGER"),
         command(prefix + "_COMMAND") {}
 
@@ -27,7 +29,9 @@ struct Channels {
   std::string submap;
   std::string graph;
   std::string health;
-  std::string trigger;  // this and the next one come in
+  std::string reply;
+  std::string odometry;  // this and the next two come in
+  std::string trigger;
   std::string command;
 };
 

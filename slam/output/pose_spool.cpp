@@ -19,10 +19,9 @@
 namespace submapd {
 namespace {
 
-constexpr std::array<std::uint8_t, 8> kMagic = {'S', 'M', 'A', 'P', 'P', 'O', 'S', 'E'};
 constexpr std::uint32_t kVersion = 1;
 constexpr std::size_t kHeaderBytes = 8 + 4 + 4;
-constexpr std::size_t kRecordBytes = 8 + 8 + 6 * 8 + 4 + 4;
+constexpr std::size_t kRecordBytes = kPoseRecordBytes;
 constexpr std::uint32_t kKeyframe = 1;
 constexpr std::uint32_t kLinked = 2;
 constexpr std::uint64_t kRecordsAtOnce = 256;
@@ -34,7 +33,7 @@ std::uint32_t crc_of(std::span<const std::byte> bytes) {
 
 std::vector<std::byte> encode_header() {
   ByteWriter out;
-  out.put(std::span<const std::uint8_t>(kMagic));
+  out.put(std::as_bytes(std::span(kPoseSpoolMagic)));
   out.put(kVersion);
   out.put(crc_of(out.bytes()));
   return out.take();

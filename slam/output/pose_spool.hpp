@@ -8,11 +8,16 @@
 #include <limits>
 #include <memory>
 #include <span>
+#include <string_view>
 
 #include "slam/base/pose2.hpp"
 #include "slam/base/status.hpp"
 
 namespace submapd {
+
+// A file of poses begins with this, and has records of this size.
+inline constexpr std::string_view kPoseSpoolMagic = "SMAPPOSE";
+inline constexpr std::size_t kPoseRecordBytes = 8 + 8 + 6 * 8 + 4 + 4;
 
 // One scan's pose relative to the newest key-frame, so that it stays true when key-frames are optimised.
 struct SpooledPose {

@@ -14,7 +14,6 @@
 namespace submapd {
 namespace {
 
-constexpr std::string_view kMagic = "SUBMAPD\n";
 constexpr std::size_t kSections = 4;
 constexpr std::size_t kHeaderBytes = 24;         // magic, version, number of sections, total length
 constexpr std::size_t kSectionHeaderBytes = 16;  // number, CRC, length
@@ -224,7 +223,7 @@ std::vector<std::byte> encode_submap(const FinishedSubmap& submap) {
   for (const ByteWriter& section : sections) total += kSectionHeaderBytes + section.bytes().size();
 
   ByteWriter out;
-  out.put(std::as_bytes(std::span(kMagic)));
+  out.put(std::as_bytes(std::span(kSubmapMagic)));
   out.put(kSubmapFormatVersion);
   out.put(static_cast<std::uint32_t>(kSections));
   out.put(total);
@@ -242,11 +241,11 @@ std::vector<std::byte> encode_submap(const FinishedSubmap& submap) {
 Expected<FinishedSubmap> decode_submap(std::span<const std::byte> bytes) {
   if (bytes.size() > kMaxEncodedSubmapBytes) return corrupt(kMaxEncodedSubmapBytes, "longer than any sub-map");
   if (bytes.size() < kHeaderBytes + kTrailerBytes) return corrupt(bytes.size(), "cut short");
-  const std::span<const std::byte> magic = std::as_bytes(std::span(kMagic));
+  const std::span<const std::byte> magic = std::as_bytes(std::span(kSubmapMagic));
   if (!std::equal(magic.begin(), magic.end(), bytes.begin())) return corrupt(0, "not a sub-map: wrong magic");
 
   ByteReader in(bytes.first(bytes.size() - kTrailerBytes));
-  (void)in.get_bytes(kMagic.size());
+  (void)in.get_bytes(kSubmapMagic.size());
   const std::uint32_t version = in.get<std::uint32_t>();
   if (version != kSubmapFormatVersion) {
     return corrupt(8, fmt::format("format version {}, this program reads {}", version, kSubmapFormatVersion));

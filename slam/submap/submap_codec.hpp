@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <string_view>
 #include <vector>
 
 #include "slam/base/status.hpp"
@@ -14,6 +15,7 @@
 
 namespace submapd {
 
+inline constexpr std::string_view kSubmapMagic = "SUBMAPD\n";  // an encoded sub-map begins with this
 inline constexpr std::uint32_t kSubmapFormatVersion = 1;
 // Larger than any sub-map that the finish rules let grow; nothing above it is read.
 inline constexpr std::size_t kMaxEncodedSubmapBytes = 16U << 20;

@@ -10,7 +10,7 @@
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const auto request = submapd::parse_request({reinterpret_cast<const char*>(data), size});
   if (!request) {
-    if (submapd::refusal("", request.error()).size() > submapd::kMaxReplyBytes) std::abort();
+    if (submapd::encode_reply(submapd::refusal("", request.error())).size() > submapd::kMaxReplyBytes) std::abort();
     return 0;
   }
   if (!request->name.empty() && !submapd::is_name(request->name)) std::abort();

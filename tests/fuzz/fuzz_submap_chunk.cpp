@@ -9,10 +9,12 @@
 
 #include "proto/graph_conversion.hpp"
 #include "proto/lcm_message.hpp"
+#include "proto/odometry_conversion.hpp"
 #include "proto/scan_conversion.hpp"
 #include "proto/submap_chunks.hpp"
 #include "submapd/command_t.hpp"
 #include "submapd/pose_t.hpp"
+#include "submapd/reply_t.hpp"
 #include "submapd/trigger_t.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
@@ -41,9 +43,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       if (submapd::encode_intensities(*intensities, {}).size() != message.size()) std::abort();
     }
     (void)submapd::decode_with_text<submapd::command_t>(message);
+    (void)submapd::decode_with_text<submapd::reply_t>(message);
     (void)submapd::decode_with_text<submapd::trigger_t>(message);
     (void)submapd::decode_message<submapd::pose_t>(message);
     (void)submapd::decode_health(message);
+    (void)submapd::decode_odometry(message);
   }
   return 0;
 }

@@ -170,9 +170,9 @@ class FedDaemonTest(unittest.TestCase):
         rig.start(environment={"LD_PRELOAD": CLOCK_STEP, "CLOCK_STEP_FILE": str(steps)})
         rig.wait_for(rig.health)
         for seconds in ("0", "3600", "0"):
+            told = rig.messages().count("clock was set")
             (rig.folder / "new").write_text(seconds)
             (rig.folder / "new").rename(steps)
-            told = rig.messages().count("clock was set")
             rig.wait_for(lambda told=told: rig.messages().count("clock was set") > told)
         self.assertIn("clock was set +3600.0 s", rig.messages())
         self.assertIn("clock was set -3600.0 s", rig.messages())

@@ -109,10 +109,9 @@ void Verifier::check_poses(const fs::path& file) {
     return;
   }
   const auto rest = std::span(*bytes).subspan(check->whole_bytes);
-  constexpr std::size_t kMostCut = 72;  // one record
   const bool zeros = std::all_of(rest.begin(), rest.end(), [](std::byte b) { return b == std::byte{0}; });
   if (rest.empty()) return;
-  if (zeros || rest.size() < kMostCut) {
+  if (zeros || rest.size() < kPoseRecordBytes) {
     remark(file, "{} bytes behind byte {} are cut off", rest.size(), check->whole_bytes);
   } else {
     problem(file, "byte {}: damaged; {} poses before it are whole", check->whole_bytes, check->records);
@@ -290,13 +289,13 @@ Expected<VerifyReport> verify(const fs::path& path) {
       return failure(StatusCode::kInvalidArgument,
                      path.string() + ": is neither a run's folder (no journal) nor a map's (no MANIFEST)");
     }
-  } else if (begins_with(path, "SMAPJRNL")) {
+  } else if (begins_with(path, kJournalMagic)) {
     report.what = "journal";
     (void)verifier.check_journal(path);
-  } else if (begins_with(path, "SUBMAPD\n")) {
+  } else if (begins_with(path, kSubmapMagic)) {
     report.what = "sub-map";
     verifier.check_submap(path, std::nullopt, std::nullopt);
-  } else if (begins_with(path, "SMAPPOSE")) {
+  } else if (begins_with(path, kPoseSpoolMagic)) {
     report.what = "poses";
     verifier.check_poses(path);
   } else {

@@ -147,6 +147,7 @@ TEST(ConfigurationTest, TheDescriptionParsesBackToTheDefaults) {
   EXPECT_EQ(mount.roll_rad, 0.0);
   EXPECT_NEAR(mount.pitch_rad, defaults.scanner.vertical_mount.pitch_rad, 1e-5) << "six digits of pi/2";
   EXPECT_EQ(mount.yaw_rad, 0.0);
+  EXPECT_EQ(parsed->lcm.odometry, defaults.lcm.odometry);
   EXPECT_EQ(parsed->lcm.triggers, defaults.lcm.triggers);
   EXPECT_EQ(parsed->lcm.commands, defaults.lcm.commands);
   EXPECT_EQ(parsed->button.device, defaults.button.device);
@@ -154,7 +155,7 @@ TEST(ConfigurationTest, TheDescriptionParsesBackToTheDefaults) {
   EXPECT_EQ(parsed->button.cloud, defaults.button.cloud);
   EXPECT_EQ(parsed->hook.command, defaults.hook.command);
   EXPECT_EQ(parsed->hook.longest_s, defaults.hook.longest_s);
-  EXPECT_EQ(described_keys().size(), 56U) << "compare the new key's field above";
+  EXPECT_EQ(described_keys().size(), 57U) << "compare the new key's field above";
 }
 
 TEST(ConfigurationTest, EveryKeySetsItsField) {
@@ -181,6 +182,7 @@ workers = 3
 url = "udpm://239.255.76.68:7668?ttl=1"
 prefix = "CART_7"
 scan_every = 5
+odometry = true
 triggers = true
 commands = true
 [recorder]
@@ -256,6 +258,7 @@ slow_mapper = 125
   EXPECT_EQ(mount.roll_rad, 0.4);
   EXPECT_EQ(mount.pitch_rad, 0.5);
   EXPECT_EQ(mount.yaw_rad, 0.6);
+  EXPECT_TRUE(parsed->lcm.odometry);
   EXPECT_TRUE(parsed->lcm.triggers);
   EXPECT_TRUE(parsed->lcm.commands);
   EXPECT_EQ(parsed->button.device, "/dev/input/by-id/pedal");

@@ -69,12 +69,12 @@ TEST(ControlProtocolTest, NamesCannotLeaveTheirFolder) {
 }
 
 TEST(ControlProtocolTest, RepliesSayWhatTheAskersExitCodeIs) {
-  EXPECT_EQ(json::parse(reply("7", ReplyState::kWorking, "x", {{"progress", 5}})),
+  EXPECT_EQ(json::parse(encode_reply({"7", ReplyState::kWorking, "x", StatusCode::kOk, {{"progress", 5}}})),
             (json{{"id", "7"}, {"state", "working"}, {"message", "x"}, {"progress", 5}}));
-  EXPECT_EQ(json::parse(refusal("", {StatusCode::kInvalidArgument, ""}))["reason"], "input");
-  EXPECT_EQ(json::parse(refusal("", {StatusCode::kUnavailable, ""}))["reason"], "later");
-  EXPECT_EQ(json::parse(refusal("", {StatusCode::kIo, ""}))["reason"], "failed");
-  EXPECT_FALSE(json::parse(refusal("\xff", {StatusCode::kIo, "\xc3"}), nullptr, false).is_discarded());
+  EXPECT_EQ(json::parse(encode_reply(refusal("", {StatusCode::kInvalidArgument, ""})))["reason"], "input");
+  EXPECT_EQ(json::parse(encode_reply(refusal("", {StatusCode::kUnavailable, ""})))["reason"], "later");
+  EXPECT_EQ(json::parse(encode_reply(refusal("", {StatusCode::kIo, ""})))["reason"], "failed");
+  EXPECT_FALSE(json::parse(encode_reply(refusal("\xff", {StatusCode::kIo, "\xc3"})), nullptr, false).is_discarded());
 }
 
 }  // namespace

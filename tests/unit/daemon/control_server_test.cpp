@@ -49,8 +49,12 @@ class ControlServerTest : public testing::Test {
     }
     if (packet == "\"look\"") server_->look(driver::monotonic_now_ns() + 2 * options_.idle_ns);
     if (packet == "\"keep\"") server_->keep(peer.client, true);
-    if (packet == "\"twice\"") server_->send(peer.client, reply("1", ReplyState::kWorking, "", json::object()));
-    return reply("", ReplyState::kDone, std::string(packet), {{"pid", peer.pid}, {"clients", server_->clients()}});
+    if (packet == "\"twice\"") server_->send(peer.client, encode_reply({"1", ReplyState::kWorking, ""}));
+    return encode_reply({"",
+                         ReplyState::kDone,
+                         std::string(packet),
+                         StatusCode::kOk,
+                         {{"pid", peer.pid}, {"clients", server_->clients()}}});
   }
   std::string path() { return (folder_.path() / "control").string(); }
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "daemon/mapper_thread.hpp"
+#include "daemon/odometry_track.hpp"
 #include "slam/base/worker_pool.hpp"
 #include "tests/support/call_counter.hpp"
 #include "tools/sim/office.hpp"
@@ -58,6 +59,26 @@ TEST(QuietMapping, NothingIsAllocatedOrLockedBetweenTwoScans) {
     submaps += mapper.take_finished().has_value() ? 1 : 0;
   }
   EXPECT_GE(submaps, 2);
+}
+
+TEST(QuietMapping, OdometryIsJoinedQuietly) {
+  OdometryRing ring(64);
+  OdometryTrack track(ring);
+  driver::Odometry joined;
+  allocations = 0;
+  locks = 0;
+  for (std::int64_t scan = 1; scan < 2000; ++scan) {
+    for (std::int64_t sample = 0; sample < scan % 5; ++sample) {
+      *ring.claim() = {scan * 25'000'000 + sample * 6'000'000, {0.01 * static_cast<double>(scan), 0.0, 0.0}, 1};
+      ring.publish();
+    }
+    armed = true;
+    (void)track.at(scan * 25'000'000, joined);
+    armed = false;
+  }
+  EXPECT_EQ(allocations, 0U);
+  EXPECT_EQ(locks, 0U);
+  EXPECT_GT(track.joined(), 1000U);
 }
 
 }  // namespace

@@ -99,6 +99,35 @@ TEST(ScanPipeline, TheCountersWrapWithoutAJump) {
   EXPECT_EQ(rig.last.index, 999U);
 }
 
+// Knows each second scan's place.
+class EverySecond final : public OdometrySource {
+ public:
+  bool at(std::int64_t mono_ns, Odometry& odometry) noexcept override {
+    odometry = {static_cast<double>(mono_ns), 1.0, 2.0};
+    return asked++ % 2 == 0;
+  }
+  std::uint64_t asked = 0;
+};
+
+TEST(ScanPipeline, EachScanIsJoinedWithOdometryOnceForBothRings) {
+  PipelineRig rig;
+  EverySecond odometry;
+  rig.pipeline.join_with(odometry);
+  rig.drain_mapper = false;
+  rig.run_to_scans(60);
+  EXPECT_EQ(odometry.asked, 60U);
+  EXPECT_EQ(rig.last.flags & kScanHasOdometry, 0U) << "the sixtieth";
+  std::uint64_t with = 0;
+  while (const DeviceScan* const scan = rig.mapper_ring.front()) {
+    if ((scan->flags & kScanHasOdometry) != 0) {
+      ++with;
+      EXPECT_EQ(scan->odometry.x_m, static_cast<double>(scan->first_beam_mono_ns));
+    }
+    rig.mapper_ring.pop();
+  }
+  EXPECT_EQ(with, 30U);
+}
+
 TEST(ScanPipeline, AFullRingDropsAndTheOtherStillGetsAll) {
   PipelineRig rig({}, {}, 4);
   rig.drain_mapper = false;

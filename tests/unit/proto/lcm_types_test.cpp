@@ -8,7 +8,9 @@
 #include "submapd/graph_t.hpp"
 #include "submapd/health_t.hpp"
 #include "submapd/intensities_t.hpp"
+#include "submapd/odometry_t.hpp"
 #include "submapd/pose_t.hpp"
+#include "submapd/reply_t.hpp"
 #include "submapd/scan_t.hpp"
 #include "submapd/submap_chunk_t.hpp"
 #include "submapd/trigger_t.hpp"
@@ -29,7 +31,9 @@ const Fingerprint kFingerprints[] = {
     {"health_t", static_cast<std::uint64_t>(health_t::getHash()), 0x29c615d28c03e07cU},
     {"intensities_t", static_cast<std::uint64_t>(intensities_t::getHash()), 0x0a4fcc712505bcd3U},
     {"loop_t", static_cast<std::uint64_t>(loop_t::getHash()), 0x5575b9adf369bdd9U},
+    {"odometry_t", static_cast<std::uint64_t>(odometry_t::getHash()), 0x5cc85c45a6eca696U},
     {"pose_t", static_cast<std::uint64_t>(pose_t::getHash()), 0x5a79275c8350bfaeU},
+    {"reply_t", static_cast<std::uint64_t>(reply_t::getHash()), 0x7007421b416eccb2U},
     {"scan_t", static_cast<std::uint64_t>(scan_t::getHash()), 0x4fa9a8e96f9a9d90U},
     {"sensor_health_t", static_cast<std::uint64_t>(sensor_health_t::getHash()), 0x5e8d4d494c7a85a2U},
     {"submap_chunk_t", static_cast<std::uint64_t>(submap_chunk_t::getHash()), 0x837f7a3693a534bcU},
