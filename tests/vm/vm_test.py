@@ -106,7 +106,7 @@ class Machine:
         return False
 
     def cut_the_power(self):
-        self.qemu.send_signal(signal.SIGKILL)
+        self.qemu.kill()
         self.qemu.wait()
 
 
