@@ -39,6 +39,8 @@ the_service_runs_by_itself() {
   wait_for 60 "the service runs by itself" systemctl is-active --quiet submapd.service
   [ "$(systemctl show --value -p NRestarts submapd.service)" = 0 ] || fail "it was restarted"
   systemctl is-active --quiet submapd-lcm-route.service || fail "no multicast route"
+  stamp() { systemctl show --value -p "$1" submapd.service; }
+  say "ready after $((($(stamp ActiveEnterTimestampMonotonic) - $(stamp InactiveExitTimestampMonotonic)) / 1000)) ms"
   main=$(systemctl show --value -p MainPID submapd.service)
   # As the user submapd, without capabilities: LimitRTPRIO and LimitMEMLOCK are enough.
   grep -q '^CapEff:.*0000000000000000' "/proc/$main/status" || fail "it has capabilities"
