@@ -43,7 +43,10 @@ sensor_health_t message_of(const ScannerHealth& scanner) {
 
 std::string trouble_of(const ScannerHealth& scanner, const char* role) {
   if (!scanner.configured) return {};
-  if (!scanner.present) return fmt::format("{} scanner {} is not plugged in", role, scanner.serial);
+  if (!scanner.present && scanner.words.empty()) {
+    return fmt::format("{} scanner {} is not plugged in", role, scanner.serial);
+  }
+  if (!scanner.present) return fmt::format("{} scanner {} is not found; {}", role, scanner.serial, scanner.words);
   if (scanner.words.empty()) return {};
   return fmt::format("{} scanner: {}", role, scanner.words);
 }

@@ -342,7 +342,14 @@ void LiveRun::look_at_scanners(Health& health) {
           info.role == role ||
           (!info.role && ((!rule.serial.empty() && driver::same_serial(rule.serial, info.status.identity.serial)) ||
                           (rule.serial.empty() && rule.port == info.port.path)));
-      if (!ours || !scanner.configured) continue;
+      if (!scanner.configured) continue;
+      if (!ours) {
+        // One that cannot be opened has not told its serial number: it may be the one that is missed.
+        if (!scanner.present && info.status.state == driver::SensorState::kClosed && !info.status.words.empty()) {
+          scanner.words = fmt::format("at port {}: {}", info.port.path, info.status.words);
+        }
+        continue;
+      }
       scanner.present = true;
       scanner.state = info.status.state;
       scanner.words = info.status.words;

@@ -1,5 +1,6 @@
 """Has systemd judge the shipped files. usage: systemd_test.py SYSTEMD_FOLDER SUBMAPD; exit code 77: no systemd here."""
 import pathlib
+import re
 import shutil
 import subprocess
 import sys
@@ -27,6 +28,12 @@ def units_are_verified_without_a_word(scratch):
 def the_sandbox_is_tight(scratch):
     done = run("systemd-analyze", "security", "--offline=true", "--threshold=20", scratch / "submapd.service")
     assert done.returncode == 0, done.stdout[-500:] + done.stderr
+
+
+def scanners_may_come_after_the_kernels_usb():
+    """systemd looks a group of devices up once, when the service starts: no usbcore then, no scanner ever."""
+    allowed = re.findall(r"^DeviceAllow=(\S+)", (FOLDER / "submapd.service").read_text(encoding="utf-8"), re.MULTILINE)
+    assert "char-189" in allowed and "char-usb_device" not in allowed, allowed
 
 
 def users_and_folders_are_made(scratch):
@@ -57,4 +64,5 @@ if not shutil.which("systemd-analyze"):
 with tempfile.TemporaryDirectory() as folder:
     units_are_verified_without_a_word(pathlib.Path(folder))
     the_sandbox_is_tight(pathlib.Path(folder))
+    scanners_may_come_after_the_kernels_usb()
     users_and_folders_are_made(pathlib.Path(folder))

@@ -1,8 +1,8 @@
-"""Makes what the VM boots: a clean Debian 12 with a kernel, into which apt installs our packages and what they depend on.
+"""Makes what the VM boots: a clean Debian 12 with a kernel and what our packages depend on, into which dpkg installs them.
 
-usage: make_root.py PACKAGES_FOLDER FOLDER   makes FOLDER/root.folder and prints its path.
+usage: make_root.py PACKAGES_FOLDER FOLDER   makes FOLDER/root and prints its path.
 
-Needs root, mmdebstrap and Debian's mirror. What it is before our packages come is kept in FOLDER/base-*.tar and used again.
+Needs root and mmdebstrap. The Debian comes from the mirror once; FOLDER/base-*.tar keeps it, and then no network is needed.
 """
 import hashlib
 import pathlib
@@ -10,7 +10,7 @@ import shutil
 import subprocess
 import sys
 
-INCLUDE = "systemd,systemd-sysv,udev,dbus,kmod,iproute2,usbip,linux-image-amd64,initramfs-tools"
+INCLUDE = "systemd,systemd-sysv,udev,dbus,kmod,usbip,linux-image-amd64,initramfs-tools"
 # Of the kernel's modules only what the VM has: a tenth of them, and the initial ramdisk is made in seconds.
 EXCLUDE = ["/usr/share/doc/*", "/usr/share/man/*", "/usr/share/locale/*", "/lib/modules/*/kernel/drivers/*",
            "/lib/modules/*/kernel/sound/*", "/lib/modules/*/kernel/fs/*",
@@ -20,46 +20,53 @@ KEEP = ["drivers/usb/*", "drivers/virtio/*", "drivers/block/virtio_blk*", "drive
 RAMDISK = "virtio_pci virtio_blk ext4 crc32c_generic"
 
 
-def make_base(base):
+def dependencies(packages):
+    """Names of what the packages say they need; of alternatives the first."""
+    names = set()
+    for package in packages:
+        depends = subprocess.run(["dpkg-deb", "--field", package, "Depends"], check=True, capture_output=True, text=True)
+        names |= {one.split("|")[0].split("(")[0].strip() for one in depends.stdout.split(",")}
+    return sorted(names)
+
+
+def make_base(base, needed):
     options = [f"--dpkgopt=path-exclude={path}" for path in EXCLUDE]
     options += [f"--dpkgopt=path-include=/lib/modules/*/kernel/{path}" for path in KEEP]
     hook = ('mkdir -p "$1/etc/initramfs-tools/conf.d"; echo MODULES=list >"$1/etc/initramfs-tools/conf.d/vm"; '
             f'printf "%s\\n" {RAMDISK} >"$1/etc/initramfs-tools/modules"')
-    subprocess.run(["mmdebstrap", "--quiet", "--variant=minbase", f"--include={INCLUDE}", *options, f"--essential-hook={hook}",
+    include = ",".join([INCLUDE, *needed])
+    subprocess.run(["mmdebstrap", "--quiet", "--variant=minbase", f"--include={include}", *options, f"--essential-hook={hook}",
                     "bookworm", base], check=True)
 
 
 def install(base, packages, root):
-    """As on a cart: apt finds the dependencies. Scripts run, no service is started."""
-    names = [path.name for path in packages]
-    with_ours = root.with_suffix(".folder")
-    shutil.rmtree(with_ours, ignore_errors=True)
-    with_ours.mkdir()
-    subprocess.run(["tar", "-C", with_ours, "-xf", base], check=True)
+    """As on a cart, but that no service is started: nothing runs in a folder. What Depends leaves out is missing."""
+    shutil.rmtree(root, ignore_errors=True)
+    root.mkdir()
+    subprocess.run(["tar", "-C", root, "-xf", base], check=True)
     for path in packages:
-        shutil.copy(path, with_ours / "tmp")
-    # Names of mirrors are found where the machine finds them.
-    shutil.copy("/etc/resolv.conf", with_ours / "etc/resolv.conf")
-    for words in (["apt-get", "update", "-q"],
-                  ["apt-get", "install", "-q", "--yes", "--no-install-recommends", *[f"/tmp/{name}" for name in names]],
-                  ["apt-get", "clean"]):
-        done = subprocess.run(["chroot", with_ours, "env", "DEBIAN_FRONTEND=noninteractive", *words], capture_output=True,
-                              text=True)
-        if done.returncode != 0:
-            sys.exit(f"{' '.join(words)} failed in the clean root:\n{done.stdout[-3000:]}\n{done.stderr[-3000:]}")
-    return with_ours
+        shutil.copy(path, root / "tmp")
+    done = subprocess.run(["chroot", root, "dpkg", "--install", *[f"/tmp/{path.name}" for path in packages]],
+                          capture_output=True, text=True)
+    if done.returncode != 0:
+        sys.exit(f"the packages cannot be installed in the clean root:\n{done.stdout[-3000:]}\n{done.stderr[-3000:]}")
 
 
 def main():
     packages = [path for path in sorted(pathlib.Path(sys.argv[1]).glob("*.deb")) if "java" not in path.name]
     folder = pathlib.Path(sys.argv[2])
     folder.mkdir(parents=True, exist_ok=True)
-    base = folder / f"base-{hashlib.sha256(pathlib.Path(__file__).read_bytes()).hexdigest()[:12]}.tar"
+    needed = dependencies(packages)
+    made_of = pathlib.Path(__file__).read_bytes() + " ".join(needed).encode()
+    base = folder / f"base-{hashlib.sha256(made_of).hexdigest()[:12]}.tar"
     if not base.exists():
+        for old in folder.glob("base-*.tar"):
+            old.unlink()
         part = folder / "part.tar"
-        make_base(part)
+        make_base(part, needed)
         part.rename(base)
-    print(install(base, packages, folder / "root"))
+    install(base, packages, folder / "root")
+    print(folder / "root")
 
 
 if __name__ == "__main__":
