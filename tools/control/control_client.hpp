@@ -19,7 +19,8 @@ class ControlClient {
   ~ControlClient();
 
   Status send(const nlohmann::json& request);
-  // The next reply. Errors: kUnavailable (none within `patience`, or the daemon has gone), kInternal (no answer of ours).
+  // The next reply. Errors: kUnavailable (none within `patience`, or the daemon has gone), kInternal (no answer of
+  // ours).
   [[nodiscard]] Expected<nlohmann::json> receive(std::chrono::milliseconds patience);
   // The open file that came with the last reply, which is the caller's from now on; -1: none.
   [[nodiscard]] int take_file();

@@ -11,7 +11,7 @@ namespace submapd::tools {
 
 constexpr int kFailed = 1;
 constexpr int kBadInput = 2;
-constexpr int kLater = 75;  // try again later
+constexpr int kLater = 75;                // try again later
 using CommandRun = std::function<int()>;  // returns the exit code: 0 or one of these
 
 // Tells on stderr what went wrong with `command`. Returns the exit code for it.

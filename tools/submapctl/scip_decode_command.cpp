@@ -53,16 +53,16 @@ int decode(const std::vector<std::string>& tx) {
   const auto parser = std::make_unique<Parser>();
   Sent sent(std::move(commands), *parser);
   sent.hand_on();
-  ScipJson json([&sent](std::string_view line) {
+  ScipJson lines([&sent](std::string_view line) {
     std::fwrite(line.data(), 1, line.size(), stdout);
     std::fputc('\n', stdout);
     sent.hand_on();
   });
   std::array<std::uint8_t, 65536> chunk;
   while (const std::size_t size = std::fread(chunk.data(), 1, chunk.size(), stdin)) {
-    parser->feed(std::span(chunk).first(size), 0, json);
+    parser->feed(std::span(chunk).first(size), 0, lines);
   }
-  parser->end(0, json);
+  parser->end(0, lines);
   if (std::ferror(stdin) != 0 || std::fflush(stdout) != 0) {
     fmt::print(stderr, "submapctl scip-decode: cannot read the standard input or write the standard output\n");
     return 1;
