@@ -40,9 +40,9 @@ double robust_half_cost(double squared, double scale) {
   return 0.5 * scale * scale * std::log1p(squared / (scale * scale));
 }
 
-ceres::LinearSolverType linear_solver(const LeastSquaresGraph& graph) {
+ceres::LinearSolverType linear_solver(const LeastSquaresGraph& graph, bool direct) {
   if (graph.poses.size() <= kDensePoses && graph.points.size() <= kDensePoints) return ceres::DENSE_NORMAL_CHOLESKY;
-  return graph.point_rows.size() > kDirectRows ? ceres::ITERATIVE_SCHUR : ceres::SPARSE_NORMAL_CHOLESKY;
+  return direct || graph.point_rows.size() <= kDirectRows ? ceres::SPARSE_NORMAL_CHOLESKY : ceres::ITERATIVE_SCHUR;
 }
 
 // Ceres reports every refused step through glog, which writes to stderr unless told not to; what matters is in the
@@ -127,7 +127,7 @@ Expected<SolveSummary> solve(LeastSquaresGraph& graph, const SolveOptions& optio
   problem.SetParameterBlockConstant(poses[0].data());
 
   ceres::Solver::Options solver;
-  solver.linear_solver_type = linear_solver(graph);
+  solver.linear_solver_type = linear_solver(graph, options.direct);
   if (solver.linear_solver_type == ceres::ITERATIVE_SCHUR) {
     solver.preconditioner_type = ceres::SCHUR_JACOBI;
     solver.max_linear_solver_iterations = kConjugateGradientSteps;

@@ -40,6 +40,7 @@ struct SolveOptions {
   int max_iterations = 10;
   double cauchy_scale = 1.0;                     // whitened residual at which a landmark row begins to lose weight
   const std::atomic<bool>* cancelled = nullptr;  // looked at between iterations; may be null
+  bool direct = false;  // factorise however large it is: where each point ties two poses only, the factor stays small
 };
 
 struct SolveSummary {

@@ -63,7 +63,7 @@ Expected<SolveSummary> solve_live(GraphModel& model, const std::vector<std::size
     if (cost(build_live_graph(model), kCauchyScale) > before) poses.swap(model.poses);
   }
   LeastSquaresGraph graph = build_live_graph(model);
-  const auto summary = solve(graph, {kLiveIterations, kCauchyScale, cancelled});
+  const auto summary = solve(graph, {kLiveIterations, kCauchyScale, cancelled, true});
   if (summary) model.poses = std::move(graph.poses);
   return summary;
 }

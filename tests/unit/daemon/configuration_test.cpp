@@ -461,8 +461,8 @@ TEST(ConfigurationTest, AMapperWorksAtBothEndsOfEveryKey) {
         scan.stamp_us = 1'000'000 + static_cast<std::int64_t>(k) * 100'000;
         // A square room of 6 m a side, seen from a cart that drives 2 m along x.
         const double x = 0.125 * static_cast<double>(k);
-        for (int i = 0; i <= 360; ++i) {
-          scan.geometry.angle_step_rad = 0.75 * 2.0 * std::numbers::pi / 360.0;
+        for (int i = 0; i <= 180; ++i) {
+          scan.geometry.angle_step_rad = 0.75 * 2.0 * std::numbers::pi / 180.0;
           const double a = scan.geometry.first_angle_rad + i * scan.geometry.angle_step_rad;
           const double across = 3.0 / std::max(std::abs(std::sin(a)), 1e-6);
           const double along = (std::cos(a) > 0.0 ? 3.0 - x : 3.0 + x) / std::max(std::abs(std::cos(a)), 1e-6);
