@@ -72,7 +72,7 @@ struct Optimizer::Impl {
         rejected_pending(other.rejected_pending),
         cancelled(other.cancelled) {}
 
-  Expected<FinalResult> finish(std::size_t runs);
+  Expected<FinalResult> finish(std::size_t runs, std::size_t most_sights);
   Status take(const FinishedSubmap& submap);
   void seek_live();
   void seek_all(std::size_t budget, bool accept_lone);
@@ -231,7 +231,7 @@ Expected<GraphState> Optimizer::add_submap(const std::shared_ptr<const FinishedS
   return state;
 }
 
-Expected<FinalResult> Optimizer::Impl::finish(std::size_t runs) {
+Expected<FinalResult> Optimizer::Impl::finish(std::size_t runs, std::size_t most_sights) {
   if (model.submaps.empty())
     return failure(StatusCode::kNotFound, "optimizer: no sub-map yet; there is nothing to solve");
   if (options.loops) {
@@ -242,7 +242,7 @@ Expected<FinalResult> Optimizer::Impl::finish(std::size_t runs) {
     count();
   }
   archive.release();  // the solver needs the room
-  graph::TrackGraph track = graph::build_track_graph(model);
+  graph::TrackGraph track = graph::build_track_graph(model, most_sights);
   const auto start = std::chrono::steady_clock::now();
   const auto summary = graph::solve_track_graph(track, cancelled.get());
   const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - start;
@@ -274,7 +274,7 @@ Expected<FinalResult> Optimizer::Impl::finish(std::size_t runs) {
 }
 
 Expected<FinalResult> Optimizer::finish() {
-  return impl_->finish(kFinalRunsPerSubmap * impl_->model.submaps.size());
+  return impl_->finish(kFinalRunsPerSubmap * impl_->model.submaps.size(), graph::kMostSights);
 }
 
 Expected<FinalResult> Optimizer::finish_with(const std::shared_ptr<const FinishedSubmap>& open) {
@@ -285,7 +285,7 @@ Expected<FinalResult> Optimizer::finish_with(const std::shared_ptr<const Finishe
   WithOpenSubmap source(impl_->archive, open);
   Impl copy(*impl_, source);
   if (Status status = copy.take(*open); !status.ok()) return failure(status);
-  return copy.finish(kFinalRunsPerSubmap);
+  return copy.finish(kFinalRunsPerSubmap, graph::kQuickSights);
 }
 
 Eigen::Matrix3d covariance_bound(const FinalResult& result, std::int64_t stamp_us, const Pose2& map_from_base) {

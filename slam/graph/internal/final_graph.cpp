@@ -10,8 +10,6 @@ constexpr int kFinalIterations = 50;
 // Loops have been judged by now: the loss only has to spoil single landmarks (a cabinet moved), not whole loops, so it
 // starts later than live (95 % efficiency for Gaussian errors).
 constexpr double kFinalCauchyScale = 2.385;
-// Rows of landmarks at most (up to what rounding adds for a pair): each takes a kilobyte while the graph is solved.
-constexpr std::size_t kMostSights = 24'000;
 constexpr double kStepFloorM = 0.002;
 constexpr double kStepFloorRad = 0.03 * kDegree;
 // Sub-map vertices are names for key-frames, not measurements.
@@ -61,10 +59,10 @@ struct Thinning {
   std::size_t landmark_stride = 1;
 };
 
-Thinning thinning_for(std::size_t landmarks) {
-  const std::size_t rows_a_side = kMostSights / std::max<std::size_t>(1, 2 * landmarks);
+Thinning thinning_for(std::size_t landmarks, std::size_t most_sights) {
+  const std::size_t rows_a_side = most_sights / std::max<std::size_t>(1, 2 * landmarks);
   if (rows_a_side > 0) return {rows_a_side, 1};
-  return {1, (2 * landmarks + kMostSights - 1) / kMostSights};
+  return {1, (2 * landmarks + most_sights - 1) / most_sights};
 }
 
 void add_side(TrackGraph& graph, const SubmapRecord& submap, const std::vector<std::uint32_t>& seen_from,
@@ -95,7 +93,7 @@ void add_sights(TrackGraph& graph, const GraphModel& model, const std::vector<Vi
 
 }  // namespace
 
-TrackGraph build_track_graph(const GraphModel& model) {
+TrackGraph build_track_graph(const GraphModel& model, std::size_t most_sights) {
   TrackGraph graph;
   add_track(graph, model);
   std::size_t offered = 0;
@@ -103,7 +101,7 @@ TrackGraph build_track_graph(const GraphModel& model) {
   for (const LoopRecord& record : model.loops) {
     if (record.loop.state == LoopState::kConfirmed) offered += record.landmarks.size();
   }
-  const Thinning thinning = thinning_for(offered);
+  const Thinning thinning = thinning_for(offered, most_sights);
   for (const ChainLink& link : model.links) add_sights(graph, model, link.landmarks, 2.0, thinning);
   for (const LoopRecord& record : model.loops) {
     if (record.loop.state == LoopState::kConfirmed) add_sights(graph, model, record.landmarks, 1.0, thinning);

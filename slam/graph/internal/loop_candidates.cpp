@@ -7,6 +7,10 @@
 namespace submapd::graph {
 namespace {
 
+// A pair known better than this already is left alone: without it a building gains three loops for each sub-map and
+// pass, for ever (office, six minutes: 321 loops for 7.4 mm, 164 for 7.7; intel 477 and 394 for the same error).
+constexpr double kLeastGain = 2.0;
+
 // What a good match knows, to weigh what it would teach.
 const Eigen::Matrix3d kMatchCovariance = pose_covariance(0.02, 0.2 * kDegree);
 
@@ -39,6 +43,8 @@ std::vector<LoopCandidate> rank_candidates(const GraphModel& model, const PairTo
     if (share_keyframes(model.submaps[a], model.submaps[b])) continue;
     const SubmapOutline& outline_a = model.submaps[a].outline;
     const UncertainPose relative = inverse(from_b[a].pose);  // a_from_b
+    const double gain = information_gain(relative.covariance);
+    if (gain < kLeastGain) continue;
     const Eigen::Vector3d window = search_window(relative.covariance);
     const double grow_m = std::max(window.x(), window.y());
     const double distance_m = (transform(relative.mean, outline_b.centre) - outline_a.centre).norm();
@@ -49,7 +55,7 @@ std::vector<LoopCandidate> rank_candidates(const GraphModel& model, const PairTo
     const double share = std::min(1.0, tools.overlap_m2(outline_a, outline_b, relative.mean, 0.0) / smaller_m2);
     LoopCandidate candidate{a, b, {relative.mean, relative.covariance}, window, 0.0};
     // A tenth for pairs that overlap only if the prior is off.
-    candidate.value = information_gain(relative.covariance) * (0.1 + share);
+    candidate.value = gain * (0.1 + share);
     candidates.push_back(candidate);
   }
   std::stable_sort(candidates.begin(), candidates.end(),
