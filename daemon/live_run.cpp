@@ -21,7 +21,6 @@ constexpr std::size_t kReports = 160;  // four seconds
 constexpr std::int64_t kSecond_ns = 1'000'000'000;
 constexpr std::int64_t kDiskRate_ns = 10 * kSecond_ns;    // over which the raw log's growth is measured
 constexpr std::int64_t kAfterLast_us = 1'000'000;         // a run goes on at least this long after its newest scan
-constexpr std::size_t kWork_bytes = 16U << 20;            // of heap: a match of two sub-maps, a live solve, messages
 constexpr std::chrono::milliseconds kSavePatience{5000};  // at the end of a run
 // Scans that may wait when their source can: few for the mapper, a second's for the recorder.
 constexpr std::uint64_t kWaiting = 4;
@@ -45,7 +44,7 @@ Expected<std::unique_ptr<LiveRun>> LiveRun::start(const Configuration& configura
     if (Status status = run->choose_run(input); !status.ok()) return failure(status);
     if (Status status = run->open_files(); !status.ok()) return failure(status);
     if (Status status = run->start_threads(); !status.ok()) return failure(status);
-    reserve_heap(configuration.submap_cache_bytes + configuration.graph_bytes + kWork_bytes);
+    reserve_heap(configuration.submap_cache_bytes + configuration.graph_bytes + kWorkHeap_bytes);
     return run;
   } catch (const std::exception& error) {  // no memory, no threads, no descriptors
     return failure(StatusCode::kInternal, fmt::format("cannot start: {}", error.what()));

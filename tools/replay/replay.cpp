@@ -8,6 +8,7 @@
 #include <optional>
 #include <vector>
 
+#include "daemon/allocator.hpp"
 #include "daemon/optimizer_thread.hpp"
 #include "daemon/submap_journal.hpp"
 #include "daemon/submap_publisher.hpp"
@@ -71,7 +72,9 @@ class Pipeline {
         thread_(
             thread_options(cart_, run_), lcm_,
             [this](std::uint32_t index, const Sha256& hash) { return journal_.find(index) == hash; }, *archive_,
-            optimizer_) {}
+            optimizer_) {
+    reserve_heap(options.configuration.submap_cache_bytes + options.configuration.graph_bytes + kWorkHeap_bytes);
+  }
 
   Status process(const Scan& scan, TrajectoryFile& filter_trajectory) {
     const double cpu = thread_cpu_s();
