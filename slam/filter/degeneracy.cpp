@@ -5,8 +5,12 @@
 namespace submapd {
 
 void DegeneracyMonitor::reset() {
+  weak_ = false;
   active_ = false;
   good_scans_ = 0;
+  held_scans_ = 0;
+  loose_scans_ = 0;
+  axial_information_ = 0.0;
   time_s_ = 0.0;
 }
 
@@ -19,18 +23,28 @@ void DegeneracyMonitor::update(const Eigen::Matrix3d& information, int associate
   const double low = std::max(principal.values(0) - floor, 0.0);
   const double high = std::max(principal.values(1) - floor, 1e-9);
   const double ratio = low / high;
-  if (!active_) {
-    if (ratio < options_.enter_ratio) {
-      active_ = true;
-      good_scans_ = 0;
-      time_s_ = 0.0;
-      axis_ = principal.axes.col(0);
-    }
+  if (ratio < options_.enter_ratio) axis_ = principal.axes.col(0);
+  if (!weak_) {
+    weak_ = ratio < options_.enter_ratio;
+    good_scans_ = 0;
     return;
   }
   good_scans_ = ratio > options_.leave_ratio ? good_scans_ + 1 : 0;
-  if (ratio < options_.enter_ratio) axis_ = principal.axes.col(0);
   if (good_scans_ >= options_.leave_scans) reset();
+}
+
+void DegeneracyMonitor::hold(double axial_information) {
+  axial_information_ = axial_information;
+  const double variance_m2 = options_.kappa / std::max(axial_information, 1e-9);
+  held_scans_ = variance_m2 < options_.found_sigma_m * options_.found_sigma_m ? held_scans_ + 1 : 0;
+  loose_scans_ = variance_m2 > options_.lost_sigma_m * options_.lost_sigma_m ? loose_scans_ + 1 : 0;
+  if (!active_ && loose_scans_ >= options_.lost_scans) {
+    active_ = true;
+    time_s_ = 0.0;
+  } else if (active_ && held_scans_ >= options_.leave_scans) {
+    active_ = false;
+    time_s_ = 0.0;
+  }
 }
 
 double DegeneracyMonitor::axial_variance_m2() const {

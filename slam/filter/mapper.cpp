@@ -26,6 +26,7 @@ Mapper::Impl::Impl(const MapperOptions& o, const Uuid& cart_id, const Uuid& run_
       window(o.map, o.limits, layers, o.max_beams),
       registration(options),
       degeneracy(o.degeneracy),
+      axial(o.axial),
       gate(o.motion),
       set(particle_options(o), layers, o.map.cell_m, [this](const Pose2& pose, const KeyframeScan& scan) {
         window.insert(pose, scan);
@@ -51,6 +52,7 @@ ScanReport Mapper::process(const Scan& scan) {
   report.stamp_us = scan.stamp_us;
   const std::optional<Pose2> by_odometry = m.gate.motion(scan.odometry);
   m.odometry_delta = m.options.odometry == OdometryUse::kIgnore ? std::nullopt : by_odometry;
+  m.odometry_given = scan.odometry.has_value() && m.options.odometry != OdometryUse::kIgnore;
   KnownFit fit;
   const double gap_s = m.gap ? static_cast<double>(scan.stamp_us - m.tracked_us) * 1e-6 : 0.0;
   if (m.window.is_open() && gap_s > m.options.motion.max_extrapolation_s) {

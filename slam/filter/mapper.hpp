@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "slam/base/worker_pool.hpp"
+#include "slam/filter/axial_motion.hpp"
 #include "slam/filter/degeneracy.hpp"
 #include "slam/filter/motion_model.hpp"
 #include "slam/filter/particle_set.hpp"
@@ -52,6 +53,7 @@ struct MapperOptions {
   MotionModelOptions motion;
   CorrelativeOptions search;
   DegeneracyOptions degeneracy;
+  AxialMotionOptions axial;
   LikelihoodOptions likelihood;
 };
 

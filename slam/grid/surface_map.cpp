@@ -164,6 +164,7 @@ void SurfaceMap::refresh(SurfaceFace& face) {
   const float vx = norm > 0.0F ? face.view_x / norm : 0.0F;
   const float vy = norm > 0.0F ? face.view_y / norm : 0.0F;
   const auto cell = static_cast<float>(kSurfaceCell_m);
+  std::uint16_t scans = 0;
   float n = 0.0F;
   float sx = 0.0F;
   float sy = 0.0F;
@@ -178,6 +179,7 @@ void SurfaceMap::refresh(SurfaceFace& face) {
       const float ox = static_cast<float>(nx - ix) * cell;  // shift of the moments to this cell's centre
       const float oy = static_cast<float>(ny - iy) * cell;
       n += g.n;
+      scans = std::max(scans, g.keyframes);
       sx += g.sum_x + g.n * ox;
       sy += g.sum_y + g.n * oy;
       sxx += g.sum_xx + 2.0F * ox * g.sum_x + g.n * ox * ox;
@@ -188,6 +190,7 @@ void SurfaceMap::refresh(SurfaceFace& face) {
   face.pending = 0.0F;
   PooledLine& line = face.pooled;
   line.count = n;
+  line.scans = scans;
   if (n < 1.0F) {
     line.kind = SurfaceKind::kNone;
     return;

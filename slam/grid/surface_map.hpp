@@ -35,6 +35,7 @@ struct PooledLine {
   float sigma_m = 0.0F;        // spread across the line (kLine) or of the hits (kPoint)
   float half_length_m = 0.0F;  // one sigma along the line
   float count = 0.0F;          // hits pooled
+  std::uint16_t scans = 0;     // of the pooled cell that most scans hit: what stands still gathers them
   SurfaceKind kind = SurfaceKind::kNone;
 };
 
@@ -79,6 +80,8 @@ class SurfaceMap {
 
   // Faces in use, in order of creation (index 0 is not one).
   [[nodiscard]] std::span<const SurfaceFace> faces() const { return {faces_.data(), used_faces_}; }
+  // Inserted since clear().
+  [[nodiscard]] int scans() const { return scan_; }
   [[nodiscard]] std::size_t bytes_used() const;
   [[nodiscard]] std::size_t bytes_limit() const;
   [[nodiscard]] std::uint64_t refused() const { return refused_; }

@@ -6,8 +6,13 @@
 namespace submapd {
 
 LineSystem line_system(std::span<const ScanPoint> points, const SurfaceMap& surface, double angle_step_rad,
-                       const Pose2& pose, const LineMatcherOptions& options) {
+                       const Pose2& pose, const Eigen::Vector2d& weak_axis, const LineMatcherOptions& options) {
   LineSystem out;
+  const int standing = std::min(options.standing_scans, surface.scans());
+  const bool weak = weak_axis.squaredNorm() > 0.0;
+  const auto ax = static_cast<float>(weak_axis.x());
+  const auto ay = static_cast<float>(weak_axis.y());
+  const auto facing = static_cast<float>(options.facing);
   const auto c = static_cast<float>(std::cos(pose.yaw));
   const auto s = static_cast<float>(std::sin(pose.yaw));
   const auto tx = static_cast<float>(pose.x);
@@ -42,7 +47,18 @@ LineSystem line_system(std::span<const ScanPoint> points, const SurfaceMap& surf
       if (std::abs(r) > limit || std::abs(ny * dx - nx * dy) > tangential_gate) continue;
       ++out.associated;
       const float w = p.weight / (var * (1.0F + r * r / var * inverse_c2));
-      out.equations.add(static_cast<double>(nx), static_cast<double>(ny), static_cast<double>(-nx * ry + ny * rx),
+      float jx = nx;
+      float jy = ny;
+      if (weak) {
+        const float along = nx * ax + ny * ay;
+        if (std::abs(along) < facing || line->scans < standing) {
+          jx -= along * ax;
+          jy -= along * ay;
+        } else {
+          out.axial_information += static_cast<double>(w * along * along);
+        }
+      }
+      out.equations.add(static_cast<double>(jx), static_cast<double>(jy), static_cast<double>(-nx * ry + ny * rx),
                         static_cast<double>(r), static_cast<double>(w));
     } else {
       const float var = range_var + map_var + cross * cross + 2.0F * line->sigma_m * line->sigma_m + 4e-4F;
@@ -50,6 +66,13 @@ LineSystem line_system(std::span<const ScanPoint> points, const SurfaceMap& surf
       if (r2 > gate * gate) continue;
       ++out.associated;
       const float w = p.weight / (var * (1.0F + r2 / var * inverse_c2));
+      if (weak) {
+        // Hits too sparse for a line lie where this scan's beams fall: across the axis they tell, along it they follow.
+        const float across = -ay * dx + ax * dy;
+        out.equations.add(static_cast<double>(-ay), static_cast<double>(ax), static_cast<double>(ay * ry + ax * rx),
+                          static_cast<double>(across), static_cast<double>(w));
+        continue;
+      }
       out.equations.add(1.0, 0.0, static_cast<double>(-ry), static_cast<double>(dx), static_cast<double>(w));
       out.equations.add(0.0, 1.0, static_cast<double>(rx), static_cast<double>(dy), static_cast<double>(w));
     }
@@ -64,7 +87,7 @@ LineMatchResult match_lines(std::span<const ScanPoint> points, const SurfaceMap&
   result.match.pose = start;
   if (points.empty()) return result;
   for (int pass = 0;; ++pass) {
-    const LineSystem system = line_system(points, surface, angle_step_rad, result.match.pose, options);
+    const LineSystem system = line_system(points, surface, angle_step_rad, result.match.pose, prior.weak_axis, options);
     result.match.information = system.equations.H;
     result.associated = system.associated;
     result.match.health.iterations = pass;

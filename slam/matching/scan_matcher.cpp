@@ -3,10 +3,27 @@
 #include <cmath>
 
 namespace submapd {
+namespace {
+
+constexpr double kHeldSigma_m = 1e-4;
+
+// Along a weak axis the field pulls towards where the map ends, i.e. back: the start stands there.
+MotionPrior held_along_axis(const MotionPrior& prior, const Pose2& start) {
+  MotionPrior held = prior;
+  const Eigen::Vector2d& a = prior.weak_axis;
+  if (a.squaredNorm() == 0.0) return held;
+  const double off = a.dot(start.translation() - prior.pose.translation());
+  held.pose.x += off * a.x();
+  held.pose.y += off * a.y();
+  held.information.topLeftCorner<2, 2>() += a * a.transpose() / (kHeldSigma_m * kHeldSigma_m);
+  return held;
+}
+
+}  // namespace
 
 MatchResult match_scan(const ScanPoints& points, const DistanceView& field, const IndexMap& map, const Pose2& start,
                        const MotionPrior& prior, const ScanMatcherOptions& options) {
-  MatchResult result = match_field(points.thinned(), field, map.cell_m(), start, prior, options.field);
+  MatchResult result = match_field(points.thinned(), field, map.cell_m(), start, held_along_axis(prior, start), options.field);
   if (!options.use_lines) return result;
   const LineMatchResult lines =
       match_lines(points.all(), map.surface(), points.angle_step_rad(), result.pose, prior, options.lines);

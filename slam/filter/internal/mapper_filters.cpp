@@ -12,8 +12,8 @@ namespace {
 
 constexpr double kReunwarp_m_s = 0.05;
 constexpr double kReunwarp_rad_s = 0.0524;
-constexpr double kAxialLockSigma_m = 1e-4;
-constexpr int kWeakScans = 10;
+constexpr double kUnknownTurn_rad_s = 0.7;
+constexpr int kSpread = 8;  // particles for two places
 constexpr double kMoved_m = 0.01;  // less is standing: weights of a standing cart count the same evidence again
 constexpr double kMoved_rad = 0.0087;
 
@@ -29,11 +29,23 @@ void Mapper::Impl::set_prior(Particle& p, double step_s) const {
   const PredictedMotion motion = predict(p, step_s);
   p.prior.pose = compose(p.pose, motion.delta);
   p.prior.information = motion_information(motion, p.prior.pose.yaw);
-  if (degeneracy.active()) {
-    // The prediction rules along the axis that no wall holds; heading and the other direction stay free.
-    const Eigen::Vector2d a = degeneracy.axis();
-    p.prior.information.topLeftCorner<2, 2>() += a * a.transpose() / (kAxialLockSigma_m * kAxialLockSigma_m);
+  p.prior.weak_axis = Eigen::Vector2d::Zero();
+  if (axial.cold() && !odometry_given && step_s <= options.low_rate_s) {
+    // A cart that rolls when mapping begins: nothing is known of its speed yet.
+    const double sigma_m = options.axial.unknown_speed_sigma * step_s;
+    const double sigma_rad = kUnknownTurn_rad_s * step_s;
+    p.prior.information =
+        Eigen::Vector3d(1.0 / (sigma_m * sigma_m), 1.0 / (sigma_m * sigma_m), 1.0 / (sigma_rad * sigma_rad)).asDiagonal();
   }
+  if (!degeneracy.weak()) return;
+  p.prior.weak_axis = degeneracy.axis();
+  const Eigen::Vector2d a = degeneracy.axis();
+  auto translation = p.prior.information.topLeftCorner<2, 2>();
+  // The few beams that face the axis must be able to teach a new speed, which the twist's own Q would not let them. The
+  // matcher takes beams for less than they are (kappa), so the prediction has to look as much less certain.
+  const double ours = a.dot(translation * a);
+  const double share = options.covariance_kappa / options.matcher.lines.kappa;
+  translation -= a * a.transpose() * (ours - share / axial_variance_m2);
 }
 
 void Mapper::Impl::sample_motion(Particle& p, double step_s, std::uint64_t scan_index, std::uint64_t index) const {
@@ -107,13 +119,51 @@ KnownFit Mapper::Impl::filter_by_matching(const Scan& scan, double step_s, std::
 void Mapper::Impl::watch_degeneracy(double step_s, bool low_rate) {
   if (odometry_delta || low_rate) {
     degeneracy.reset();
-  } else if (single()) {
-    const Particle& p = set.best();
-    const Pose2 predicted = compose(p.pose, predict(p, step_s).delta);
-    const LineSystem system = line_system(registration.points().thinned(), window.front().map().surface(),
-                                          registration.points().angle_step_rad(), predicted, options.matcher.lines);
-    degeneracy.update(system.equations.H, system.associated, step_s);
+    return;
   }
+  if (!adaptive() && !single()) return;
+  const Particle& best = set.best();
+  const Pose2 predicted = compose(best.pose, predict(best, step_s).delta);
+  const auto look = [&](const Eigen::Vector2d& weak_axis) {
+    return line_system(registration.points().thinned(), window.front().map().surface(),
+                       registration.points().angle_step_rad(), predicted, weak_axis, options.matcher.lines);
+  };
+  const bool was_weak = degeneracy.weak();
+  const bool was_active = degeneracy.active();
+  const LineSystem system = look(Eigen::Vector2d::Zero());
+  degeneracy.update(system.equations.H, system.associated, step_s);
+  if (!degeneracy.weak()) return;
+  degeneracy.hold(look(degeneracy.axis()).axial_information);
+  if (!was_weak) axial.start();
+  axial_variance_m2 = axial.predict(step_s, degeneracy.active());
+  if (!degeneracy.active() || was_active || !single()) return;
+  // Nothing holds the axis from here on: the cart goes on as it went while something did.
+  Particle& p = set.particles()[0];
+  const AxialMotion::Steady steady = axial.steady(rotation(p.pose.yaw).transpose() * degeneracy.axis());
+  p.pose.x += steady.offset_m * degeneracy.axis().x();
+  p.pose.y += steady.offset_m * degeneracy.axis().y();
+  set_axial_speed(p, steady.speed_m_s);
+  axial.go_on(steady);
+}
+
+void Mapper::Impl::set_axial_speed(Particle& p, double speed_m_s) const {
+  const Eigen::Vector2d a = degeneracy.axis();
+  const Eigen::Matrix2d turn = rotation(p.pose.yaw);
+  Eigen::Vector2d velocity = turn * Eigen::Vector2d(p.twist.vx, p.twist.vy);
+  velocity += a * (speed_m_s - a.dot(velocity));
+  velocity = turn.transpose() * velocity;
+  p.twist.vx = velocity.x();
+  p.twist.vy = velocity.y();
+}
+
+void Mapper::Impl::learn_twist_of(Particle& p, const Twist2& before, const Pose2& from, double step_s) const {
+  p.twist = learn_twist(before, between(from, p.pose), step_s, options.motion);
+  if (!degeneracy.weak()) return;
+  const Eigen::Vector2d a = degeneracy.axis();
+  const double limit_m_s = options.motion.max_speed_m_s;
+  const double predicted_m_s = a.dot(rotation(p.prior.pose.yaw) * Eigen::Vector2d(before.vx, before.vy));
+  const double correction_m = a.dot(p.pose.translation() - p.prior.pose.translation());
+  set_axial_speed(p, std::clamp(predicted_m_s + axial.speed_gain() * correction_m, -limit_m_s, limit_m_s));
 }
 
 void Mapper::Impl::learn_motion(const Scan& scan, const Pose2& before, double step_s, bool fits) {
@@ -125,14 +175,19 @@ void Mapper::Impl::learn_motion(const Scan& scan, const Pose2& before, double st
   } else if (single()) {
     Particle& p = set.particles()[0];
     const Twist2 twist_before = p.twist;
-    p.twist = learn_twist(twist_before, delta, step_s, options.motion);
+    learn_twist_of(p, twist_before, before, step_s);
     const bool off = std::hypot(p.twist.vx - last.vx, p.twist.vy - last.vy) > kReunwarp_m_s ||
                      std::abs(p.twist.wz - last.wz) > kReunwarp_rad_s;
     if (off && fits && options.unwarp && scan.geometry.sweep_s > 0.0) {
       registration.assign(scan, p.twist);
       p.match = registration.match(view_of(p), p.pose, p.prior);
       apply_match(p, step_s, scan.index, 0);
-      p.twist = learn_twist(twist_before, between(before, p.pose), step_s, options.motion);
+      learn_twist_of(p, twist_before, before, step_s);
+    }
+    const double information = degeneracy.weak() ? degeneracy.axial_information() : 0.0;
+    if (degeneracy.weak()) axial.update(information);
+    if (fits && !degeneracy.active()) {
+      axial.note(rotation(p.pose.yaw).transpose() * (p.pose.translation() - before.translation()), step_s, information);
     }
   }
   last_twist = set.best().twist;
@@ -194,9 +249,9 @@ Eigen::Matrix3d Mapper::Impl::posterior_covariance() const {
   return sum;
 }
 
-void Mapper::Impl::adapt(const std::optional<CorrelativeResult>& found, std::uint64_t scan_index) {
+void Mapper::Impl::adapt(const std::optional<CorrelativeResult>& found) {
   if (single()) {
-    spread_if_needed(found, scan_index);
+    spread_if_needed(found);
     return;
   }
   // One Gaussian says as much once the particles lie no farther apart than each of them is uncertain.
@@ -207,26 +262,16 @@ void Mapper::Impl::adapt(const std::optional<CorrelativeResult>& found, std::uin
   if (spread.topLeftCorner<2, 2>().trace() < limit_m2 && spread(2, 2) < limit_rad2) set.coalesce();
 }
 
-void Mapper::Impl::spread_if_needed(const std::optional<CorrelativeResult>& found, std::uint64_t scan_index) {
+void Mapper::Impl::spread_if_needed(const std::optional<CorrelativeResult>& found) {
+  // Not along an axis that nothing holds: what says which particle is right there speaks for the one that lags, whose
+  // points still lie on the map.
   const std::optional<Pose2> other_place =
       found ? registration.second_place(view_of(set.best()), set.best(), *found) : std::nullopt;
-  weak_scans = degeneracy.active() ? weak_scans + 1 : 0;
-  if (!other_place && weak_scans <= kWeakScans) return;
-  weak_scans = 0;
-  const double axial = std::min(std::sqrt(degeneracy.axial_variance_m2()), 0.5);
-  if (!other_place && axial < options.collapse_m) return;
-  const int wanted =
-      std::min(std::max(static_cast<int>(std::ceil(6.0 * axial / 0.1)), 8), options.max_adaptive_particles);
-  set.spread(wanted, window.front().map().layer());
+  if (!other_place) return;
+  set.spread(std::min(kSpread, options.max_adaptive_particles), window.front().map().layer());
   for (std::size_t i = 1; i < set.size(); ++i) {
     Particle& p = set.particles()[i];
-    if (other_place && i % 2 == 1) p.pose = *other_place;
-    if (degeneracy.active()) {
-      CounterRandom random(options.seed + 1, scan_index, i);
-      const Eigen::Vector2d along = axial * random.gaussian() * degeneracy.axis();
-      p.pose.x += along.x();
-      p.pose.y += along.y();
-    }
+    if (i % 2 == 1) p.pose = *other_place;
     p.mode = p.pose;
   }
   normalise();

@@ -7,6 +7,7 @@
 #include <span>
 #include <vector>
 
+#include "slam/filter/axial_motion.hpp"
 #include "slam/filter/internal/odometry_gate.hpp"
 #include "slam/filter/internal/scan_registration.hpp"
 #include "slam/filter/internal/submap_window.hpp"
@@ -73,6 +74,10 @@ struct Mapper::Impl {
   KnownFit filter_by_matching(const Scan& scan, double step_s, std::optional<CorrelativeResult>& found);
   // Odometry holds the direction that the walls do not, and a twist from a slow log is no match for it: no latch then.
   void watch_degeneracy(double step_s, bool low_rate);
+  // Of the particle's motion along the weak axis.
+  void set_axial_speed(Particle& p, double speed_m_s) const;
+  // p.twist from the motion that brought it from `from` to its pose; `before` is the twist until then.
+  void learn_twist_of(Particle& p, const Twist2& before, const Pose2& from, double step_s) const;
   // Twists, for the next prediction and for unwarping this sweep once more if the first guess was off.
   void learn_motion(const Scan& scan, const Pose2& before, double step_s, bool fits);
   void note_covariance(double step_s);
@@ -82,8 +87,8 @@ struct Mapper::Impl {
   // Weighted covariance of the particles about the best, plus its own.
   [[nodiscard]] Eigen::Matrix3d posterior_covariance() const;
   // Adaptive: more than one particle only while the posterior needs it.
-  void adapt(const std::optional<CorrelativeResult>& found, std::uint64_t scan_index);
-  void spread_if_needed(const std::optional<CorrelativeResult>& found, std::uint64_t scan_index);
+  void adapt(const std::optional<CorrelativeResult>& found);
+  void spread_if_needed(const std::optional<CorrelativeResult>& found);
 
   // ---- key-frames ----
 
@@ -115,6 +120,8 @@ struct Mapper::Impl {
   SubmapWindow window;
   ScanRegistration registration;
   DegeneracyMonitor degeneracy;
+  AxialMotion axial;
+  double axial_variance_m2 = 0.0;  // of the predicted position along the weak axis
   OdometryGate gate;
   PeriodEstimator period;
   ParticleSet set;
@@ -127,6 +134,7 @@ struct Mapper::Impl {
   Pose2 first_odom;  // of the next track's first sub-map, if none is open
   bool first_linked = true;
   std::optional<Pose2> odometry_delta;
+  bool odometry_given = false;
   std::int64_t last_stamp_us = 0;
   std::int64_t tracked_us = 0;  // of the last scan whose place is known
   Twist2 last_twist;
@@ -139,7 +147,6 @@ struct Mapper::Impl {
   bool moved_since_resampling = false;
   int lost_scans = 0;
   double lost_time_s = 0.0;
-  int weak_scans = 0;
   MapperCounters counters;
 };
 

@@ -28,11 +28,11 @@ Eigen::Matrix3d turned(const Eigen::Matrix3d& covariance, double yaw_rad) {
 void Mapper::Impl::start_in_front(const Scan& scan) {
   set.reset({}, {});
   degeneracy.reset();
+  axial.reset();
   last_covariance.setZero();
   last_keyframe_covariance.setZero();
   lost_scans = 0;
   lost_time_s = 0.0;
-  weak_scans = 0;
   registration.assign(scan, {});
   insert_keyframe(scan);
   refill();
@@ -138,6 +138,7 @@ void Mapper::Impl::pick_up(const Scan& scan, double gap_s, ScanReport& report, K
   }
   set.coalesce();
   degeneracy.reset();
+  axial.reset();
   gap = false;
   Particle& p = set.particles()[0];
   const MapView view = view_of(p);
@@ -176,7 +177,7 @@ void Mapper::Impl::track(const Scan& scan, double elapsed_s, ScanReport& report,
   note_covariance(step_s);
   note_fit(fits, step_s);
   resample_if_needed(scan.index);
-  if (adaptive()) adapt(found, scan.index);
+  if (adaptive()) adapt(found);
 
   report.lost = !fits;
   const bool given_up = lost_scans >= kLostBreakScans && lost_time_s > kLostBreak_s;
