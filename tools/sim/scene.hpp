@@ -6,23 +6,27 @@
 #include <string>
 
 #include "slam/base/status.hpp"
+#include "tools/sim/crowd.hpp"
 #include "tools/sim/motion.hpp"
 #include "tools/sim/world.hpp"
 
 namespace submapd::tools {
 
 struct SceneRequest {
-  std::string world;           // "office", or a file of walls (.csv) or a grey map (.pgm, .pgm.gz)
+  std::string world;           // a built-in one, or a file of walls (.csv) or a grey map (.pgm, .pgm.gz)
   std::string waypoints;       // file, x,y in m a line; empty: a tour is planned
   double resolution_m = 0.05;  // a cell of a grey map
-  std::uint64_t seed = 1;      // of the planned tour
+  std::uint64_t seed = 1;      // of a built-in world, or of the planned tour
 };
 
 struct Scene {
   std::shared_ptr<const World> world;
   Route route;
+  std::vector<Walkway> walkways;  // none in a world from a file
+  int people = 0;                 // unless asked otherwise
 };
 
+// Fails for an unknown world (the message names the known ones), a file that cannot be read, or a plan without way.
 [[nodiscard]] Expected<Scene> make_scene(const SceneRequest& request);
 
 }  // namespace submapd::tools

@@ -4,12 +4,14 @@
 #include <cmath>
 
 #include "slam/base/random.hpp"
+#include "tools/sim/beam.hpp"
 
 namespace submapd::tools {
 namespace {
 
 // Random streams of one seed; scans use theirs with the number of the beam.
 constexpr std::uint64_t kBeamStream = 0x4245414D00000000;
+constexpr std::uint64_t kSurfaceStream = 0x474C415300000000;
 constexpr std::uint64_t kOdometryStream = 0x4F444F4D;
 constexpr std::uint64_t kOdometryScaleStream = 0x5343414C;
 
@@ -49,11 +51,16 @@ std::optional<Scan> Simulator::next() {
   scan.geometry = sensor.geometry;
   scan.ranges_mm.resize(static_cast<std::size_t>(sensor.beams));
   const double beam_s = sensor.geometry.sweep_s / (sensor.beams - 1);
+  if (options_.crowd) {
+    constexpr double kMargin_m = 1.0;
+    options_.crowd->near(start_s, motion_->at(start_s).translation(), sensor.geometry.range_max_m + kMargin_m, people_);
+  }
   for (int i = 0; i < sensor.beams; ++i) {
     const Pose2 world_from_base = motion_->at(start_s + i * beam_s);
     Pose2 world_from_sensor = compose(world_from_base, sensor.geometry.base_from_sensor);
     world_from_sensor.yaw += sensor.geometry.first_angle_rad + i * sensor.geometry.angle_step_rad;
-    scan.ranges_mm[static_cast<std::size_t>(i)] = measure(world_from_sensor, scan.index, static_cast<std::uint64_t>(i));
+    scan.ranges_mm[static_cast<std::size_t>(i)] =
+        measure(world_from_sensor, i * beam_s, scan.index, static_cast<std::uint64_t>(i));
   }
   if (options_.odometry) {
     advance_odometry(motion_->at(start_s), scan.index);
@@ -64,11 +71,13 @@ std::optional<Scan> Simulator::next() {
 }
 
 // world_from_sensor.yaw is the beam's own direction.
-std::uint16_t Simulator::measure(const Pose2& world_from_sensor, std::uint64_t scan, std::uint64_t beam) const {
+std::uint16_t Simulator::measure(const Pose2& world_from_sensor, double since_scan_s, std::uint64_t scan,
+                                 std::uint64_t beam) const {
   const SensorOptions& sensor = options_.sensor;
   const Eigen::Vector2d direction(std::cos(world_from_sensor.yaw), std::sin(world_from_sensor.yaw));
-  const std::optional<RayHit> hit =
-      world_->cast(world_from_sensor.translation(), direction, sensor.geometry.range_max_m);
+  CounterRandom at_surfaces(options_.seed, kSurfaceStream + scan, beam);
+  const std::optional<Echo> hit = trace(*world_, people_, since_scan_s, world_from_sensor.translation(), direction,
+                                        sensor.geometry.range_max_m, at_surfaces);
   if (!hit) {
     return kNoReturn_mm;
   }

@@ -10,6 +10,7 @@
 
 #include "slam/base/pose2.hpp"
 #include "slam/scan/scan.hpp"
+#include "tools/sim/crowd.hpp"
 #include "tools/sim/motion.hpp"
 #include "tools/sim/world.hpp"
 
@@ -50,6 +51,7 @@ struct SimulatorOptions {
   std::int64_t start_stamp_us = 1'700'000'000'000'000;  // wall clock of the motion's time 0
   SensorOptions sensor;
   std::optional<OdometryOptions> odometry;  // nothing: scans carry no odometry
+  std::shared_ptr<const Crowd> crowd;       // nothing: nobody walks about
 };
 
 class Simulator {
@@ -66,7 +68,8 @@ class Simulator {
   [[nodiscard]] std::uint64_t scan_count() const { return scan_count_; }
 
  private:
-  [[nodiscard]] std::uint16_t measure(const Pose2& world_from_sensor, std::uint64_t scan, std::uint64_t beam) const;
+  [[nodiscard]] std::uint16_t measure(const Pose2& world_from_sensor, double since_scan_s, std::uint64_t scan,
+                                      std::uint64_t beam) const;
   void advance_odometry(const Pose2& world_from_base, std::uint64_t scan);
 
   std::shared_ptr<const World> world_;
@@ -74,6 +77,7 @@ class Simulator {
   SimulatorOptions options_;
   std::uint64_t scan_count_ = 0;
   std::uint64_t next_scan_ = 0;
+  std::vector<Disc> people_;  // that the scan may see
   Pose2 last_truth_;
   Pose2 odometry_;
   double distance_factor_ = 1.0;

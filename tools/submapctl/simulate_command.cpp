@@ -9,6 +9,7 @@
 #include "tools/sim/scan_sink.hpp"
 #include "tools/sim/scene.hpp"
 #include "tools/sim/simulator.hpp"
+#include "tools/sim/worlds/worlds.hpp"
 #include "tools/submapctl/commands.hpp"
 
 namespace submapd::tools {
@@ -22,6 +23,7 @@ struct SimulateArguments {
   std::uint64_t seed = 1;
   double minutes = 0.0;
   double speed_m_s = 1.5;
+  int people = -1;  // as many as the world has
   bool odometry = false;
   bool no_noise = false;
   std::string format = "clf";
@@ -70,6 +72,8 @@ int simulate(const SimulateArguments& arguments) {
   if (arguments.odometry) {
     options.odometry = OdometryOptions{};
   }
+  options.crowd = std::make_shared<const Crowd>(
+      scene->walkways, arguments.people < 0 ? scene->people : arguments.people, arguments.seed);
   const auto cart = std::make_shared<const Motion>(std::move(*motion));
   Simulator simulator(scene->world, cart, options);
 
@@ -85,9 +89,9 @@ int simulate(const SimulateArguments& arguments) {
   if (const Status status = write_run(simulator, **log, **truth); !status.ok()) {
     return report("simulate", status);
   }
-  fmt::print("{}.{}: {} scans, {:.1f} s, {:.1f} m of way, {} walls, seed {}\n", arguments.out, arguments.format,
-             simulator.scan_count(), cart->duration_s(), cart->length_m(), scene->world->segments().size(),
-             arguments.seed);
+  fmt::print("{}.{}: {} scans, {:.1f} s, {:.1f} m of way, {} walls, {} people, seed {}\n", arguments.out,
+             arguments.format, simulator.scan_count(), cart->duration_s(), cart->length_m(),
+             scene->world->segments().size(), options.crowd->size(), arguments.seed);
   return 0;
 }
 
@@ -96,7 +100,8 @@ int simulate(const SimulateArguments& arguments) {
 void register_simulate(CLI::App& app, CommandRun& run) {
   auto arguments = std::make_shared<SimulateArguments>();
   CLI::App* command = app.add_subcommand("simulate", "Write the log and the truth of a simulated run");
-  command->add_option("world", arguments->world, "office, or a file of walls .csv or a grey map .pgm, .pgm.gz")
+  command
+      ->add_option("world", arguments->world, world_names() + ", or a file of walls .csv or a grey map .pgm, .pgm.gz")
       ->required();
   command->add_option("--out", arguments->out, "Prefix of the files written: PREFIX.clf and PREFIX.truth.tum")
       ->required();
@@ -108,6 +113,8 @@ void register_simulate(CLI::App& app, CommandRun& run) {
   command->add_option("--seed", arguments->seed, "Seed of all noise")->capture_default_str();
   command->add_option("--minutes", arguments->minutes, "Duration; the tour is repeated or cut; without it, one tour")
       ->check(CLI::Range(0.1, 1440.0));
+  command->add_option("--people", arguments->people, "People who walk about; without it, as many as the world has")
+      ->check(CLI::Range(0, 2000));
   command->add_option("--speed", arguments->speed_m_s, "Top speed in m/s")
       ->check(CLI::Range(0.05, 5.0))
       ->capture_default_str();

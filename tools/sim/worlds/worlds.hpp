@@ -1,0 +1,42 @@
+// The built-in worlds: what each is for stands in tools/sim/README.md.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "tools/sim/crowd.hpp"
+#include "tools/sim/motion.hpp"
+#include "tools/sim/world.hpp"
+
+namespace submapd::tools {
+
+// A place, a tour through it, and who else is there. Metres; x to the right of the plan, y up.
+struct Site {
+  std::vector<Segment> walls;
+  Route route;
+  std::vector<Walkway> walkways;
+  int people = 0;        // unless asked otherwise
+  double area_m2 = 0.0;  // of the floor
+};
+
+struct BuiltInWorld {
+  std::string_view name;
+  Site (*build)(std::uint64_t seed);  // the same seed, the same place
+};
+
+// In the order in which they are told to people.
+[[nodiscard]] std::span<const BuiltInWorld> built_in_worlds();
+// Their names: "office, mall, ...".
+[[nodiscard]] std::string world_names();
+
+[[nodiscard]] Site build_mall(std::uint64_t seed);
+[[nodiscard]] Site build_street(std::uint64_t seed);
+[[nodiscard]] Site build_car_park(std::uint64_t seed);
+[[nodiscard]] Site build_ring(std::uint64_t seed);
+[[nodiscard]] Site build_twin_wings(std::uint64_t seed);
+[[nodiscard]] Site build_corridor(std::uint64_t seed);
+
+}  // namespace submapd::tools
