@@ -10,6 +10,7 @@ namespace submapd::tools {
 namespace {
 
 constexpr std::uint64_t kCrowdStream = 0x43524F5744;
+constexpr std::uint64_t kCompanyStream = 0x434F4D50;
 constexpr double kStep_s = 0.02;   // for velocities
 constexpr double kAside_m = 0.85;  // people keep this far from the cart's middle
 
@@ -75,9 +76,32 @@ Eigen::Vector2d Crowd::place(const Person& person, double time_s) const {
          Eigen::Vector2d(-direction.y(), direction.x()) * person.aside_m;
 }
 
-void Crowd::near(double time_s, const Eigen::Vector2d& cart, double reach_m, std::vector<Disc>& seen) const {
-  seen.clear();
-  for (const Person& person : people_) {
+void Crowd::accompany(const Motion& motion, int companions, std::uint64_t seed) {
+  motion_ = &motion;
+  for (int i = 0; i < companions; ++i) {
+    CounterRandom random(seed, kCompanyStream, static_cast<std::uint64_t>(i));
+    Companion companion;
+    companion.ahead_s = random.uniform(-1.0, 2.0);
+    companion.aside_m = random.uniform(0.2, 1.6) * (i % 2 == 0 ? 1.0 : -1.0);
+    companion.sway_m = random.uniform(0.1, 0.4);
+    companion.period_s = random.uniform(3.0, 9.0);
+    companion.radius_m = random.uniform(0.15, 0.26);
+    companions_.push_back(companion);
+  }
+}
+
+Eigen::Vector2d Crowd::place(const Companion& companion, double time_s) const {
+  const Pose2 cart = motion_->at(time_s + companion.ahead_s);
+  const double phase = 2.0 * std::numbers::pi * time_s / companion.period_s;
+  // Some way before or behind it, even when it stands.
+  const double along_m = companion.ahead_s + companion.sway_m * std::cos(phase);
+  return compose(cart, {along_m, companion.aside_m + companion.sway_m * std::sin(phase), 0.0}).translation();
+}
+
+template <typename Anybody>
+void Crowd::add_seen(const std::vector<Anybody>& group, double time_s, const Eigen::Vector2d& cart, double reach_m,
+                     std::vector<Disc>& seen) const {
+  for (const Anybody& person : group) {
     const Eigen::Vector2d now = place(person, time_s);
     if ((now - cart).norm() > reach_m) {
       continue;
@@ -89,6 +113,12 @@ void Crowd::near(double time_s, const Eigen::Vector2d& cart, double reach_m, std
     velocity *= std::min(1.0, kFastest_m_s / std::max(velocity.norm(), 1e-9));
     seen.push_back({centre, velocity, person.radius_m});
   }
+}
+
+void Crowd::near(double time_s, const Eigen::Vector2d& cart, double reach_m, std::vector<Disc>& seen) const {
+  seen.clear();
+  add_seen(people_, time_s, cart, reach_m, seen);
+  add_seen(companions_, time_s, cart, reach_m, seen);
 }
 
 }  // namespace submapd::tools

@@ -1,12 +1,15 @@
 // People who walk through a world: where each is at any time, as discs that a laser sees.
 //
 // A person goes to and fro along one walkway, at a pace of one's own, slowing to a halt now and then, and steps aside
-// for the cart. Positions have a closed form in time: same walkways, number and seed, same people. Immutable.
+// for the cart. Companions go along with the cart, ahead of it, beside it and behind. Positions have a closed form in
+// time: same walkways, number and seed, same people. Immutable.
 #pragma once
 
 #include <Eigen/Core>
 #include <cstdint>
 #include <vector>
+
+#include "tools/sim/motion.hpp"
 
 namespace submapd::tools {
 
@@ -30,9 +33,19 @@ class Crowd {
   // Replaces `seen` by the people within reach of the cart at a time since the start.
   void near(double time_s, const Eigen::Vector2d& cart, double reach_m, std::vector<Disc>& seen) const;
 
-  [[nodiscard]] std::size_t size() const { return people_.size(); }
+  // REQUIRES: motion outlives this.
+  void accompany(const Motion& motion, int companions, std::uint64_t seed);
+
+  [[nodiscard]] std::size_t size() const { return people_.size() + companions_.size(); }
 
  private:
+  struct Companion {
+    double ahead_s = 0.0;  // where the cart will be by then, or was
+    double aside_m = 0.0;
+    double sway_m = 0.0;
+    double period_s = 5.0;
+    double radius_m = 0.2;
+  };
   struct Person {
     std::uint32_t walkway = 0;
     double start_m = 0.0;
@@ -44,10 +57,16 @@ class Crowd {
     double radius_m = 0.2;
   };
   [[nodiscard]] Eigen::Vector2d place(const Person& person, double time_s) const;
+  [[nodiscard]] Eigen::Vector2d place(const Companion& companion, double time_s) const;
+  template <typename Anybody>
+  void add_seen(const std::vector<Anybody>& group, double time_s, const Eigen::Vector2d& cart, double reach_m,
+                std::vector<Disc>& seen) const;
 
   std::vector<Walkway> walkways_;
   std::vector<std::vector<double>> arc_m_;  // of each walkway's points
   std::vector<Person> people_;
+  std::vector<Companion> companions_;
+  const Motion* motion_ = nullptr;
 };
 
 }  // namespace submapd::tools

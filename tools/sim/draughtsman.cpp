@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "slam/base/random.hpp"
+
 namespace submapd::tools {
 namespace {
 
@@ -13,11 +15,30 @@ constexpr double kPost_m = 0.06;
 
 }  // namespace
 
+// While it lives, what is drawn belongs to one piece.
+class Draughtsman::Drawing {
+ public:
+  explicit Drawing(Draughtsman& d) : d_(d), first_(d.segments_.size()) { ++d_.depth_; }
+  Drawing(const Drawing&) = delete;
+  Drawing& operator=(const Drawing&) = delete;
+  ~Drawing() {
+    --d_.depth_;
+    if (d_.movable_ && d_.depth_ == 0) {
+      d_.furniture_.emplace_back(first_, d_.segments_.size());
+    }
+  }
+
+ private:
+  Draughtsman& d_;
+  std::size_t first_;
+};
+
 Opening door(double centre) {
   return {centre - 0.55, centre + 0.55, 0.0};
 }
 
 void Draughtsman::shape(double x, double y, const std::vector<Eigen::Vector2d>& outline, double yaw_deg) {
+  const Drawing drawing(*this);
   const double c = std::cos(yaw_deg * std::numbers::pi / 180.0);
   const double s = std::sin(yaw_deg * std::numbers::pi / 180.0);
   std::vector<Eigen::Vector2d> corners;
@@ -90,6 +111,7 @@ void Draughtsman::glass_front(const Eigen::Vector2d& a, const Eigen::Vector2d& b
 }
 
 void Draughtsman::table(double x, double y, double width, double depth, double yaw_deg) {
+  const Drawing drawing(*this);
   for (const double sx : {-0.5, 0.5}) {
     for (const double sy : {-0.5, 0.5}) {
       part(x, y, sx * (width - 0.1), sy * (depth - 0.1), 0.05, 0.05, yaw_deg);
@@ -98,12 +120,14 @@ void Draughtsman::table(double x, double y, double width, double depth, double y
 }
 
 void Draughtsman::desk(double x, double y, double yaw_deg) {
+  const Drawing drawing(*this);
   table(x, y, 1.6, 0.8, yaw_deg);
   part(x, y, 0.5, 0.05, 0.42, 0.58, yaw_deg);
   part(x, y, -0.1, 0.36, 0.7, 0.03, yaw_deg);
 }
 
 void Draughtsman::office_chair(double x, double y, double yaw_deg) {
+  const Drawing drawing(*this);
   round(x, y, 0.04, 6);
   for (int i = 0; i < 5; ++i) {
     const double angle = (yaw_deg + 72.0 * i) * std::numbers::pi / 180.0;
@@ -112,6 +136,7 @@ void Draughtsman::office_chair(double x, double y, double yaw_deg) {
 }
 
 void Draughtsman::conference_table(double x, double y, double width, double depth, int chairs_a_side) {
+  const Drawing drawing(*this);
   box(x - width / 4, y, 0.5, 0.3);
   box(x + width / 4, y, 0.5, 0.3);
   for (int i = 0; i < chairs_a_side; ++i) {
@@ -131,6 +156,32 @@ void Draughtsman::part(double x, double y, double dx, double dy, double width, d
   const double c = std::cos(yaw_deg * std::numbers::pi / 180.0);
   const double s = std::sin(yaw_deg * std::numbers::pi / 180.0);
   box(x + c * dx - s * dy, y + s * dx + c * dy, width, depth, yaw_deg);
+}
+
+std::vector<Segment> move_furniture(const std::vector<Segment>& walls, const std::vector<Piece>& furniture,
+                                    std::uint64_t seed) {
+  constexpr std::uint64_t kStream = 0x4D4F5645;
+  constexpr double kGone = 0.1;
+  constexpr double kMoved = 0.25;
+  constexpr double kFarthest_m = 0.3;
+  std::vector<Segment> later;
+  std::size_t next = 0;
+  for (std::size_t i = 0; i < furniture.size(); ++i) {
+    const auto [first, last] = furniture[i];
+    CounterRandom random(seed, kStream, i);
+    const double draw = random.uniform();
+    const double angle = random.uniform(0.0, 2.0 * std::numbers::pi);
+    const double way_m = draw < kGone + kMoved ? random.uniform(0.05, kFarthest_m) : 0.0;
+    const Eigen::Vector2d shift = way_m * Eigen::Vector2d(std::cos(angle), std::sin(angle));
+    later.insert(later.end(), walls.begin() + static_cast<std::ptrdiff_t>(next),
+                 walls.begin() + static_cast<std::ptrdiff_t>(first));
+    for (std::size_t k = draw < kGone ? last : first; k < last; ++k) {
+      later.push_back({walls[k].a + shift, walls[k].b + shift, walls[k].surface});
+    }
+    next = last;
+  }
+  later.insert(later.end(), walls.begin() + static_cast<std::ptrdiff_t>(next), walls.end());
+  return later;
 }
 
 }  // namespace submapd::tools

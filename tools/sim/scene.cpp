@@ -39,7 +39,10 @@ Expected<Scene> scene_of_file(const SceneRequest& request) {
   if (!route) {
     return failure(route.error());
   }
-  return Scene{std::make_shared<const World>(std::move(plan->world)), std::move(*route), {}, 0};
+  Scene scene;
+  scene.world = std::make_shared<const World>(std::move(plan->world));
+  scene.route = std::move(*route);
+  return scene;
 }
 
 }  // namespace
@@ -57,8 +60,17 @@ Expected<Scene> make_scene(const SceneRequest& request) {
                                world_names()));
   }
   Site site = known->build(request.seed);
-  Scene scene{std::make_shared<const World>(std::move(site.walls)), std::move(site.route), std::move(site.walkways),
-              site.people};
+  Scene scene;
+  if (!site.furniture.empty()) {
+    scene.moved = std::make_shared<const World>(move_furniture(site.walls, site.furniture, request.seed));
+  }
+  scene.world = std::make_shared<const World>(std::move(site.walls));
+  scene.route = std::move(site.route);
+  scene.walkways = std::move(site.walkways);
+  scene.people = site.people;
+  scene.ripple = site.ripple;
+  scene.effects = site.effects;
+  scene.floor = std::move(site.floor);
   if (!request.waypoints.empty()) {
     Expected<Route> route = read_route(request.waypoints);
     if (!route) {

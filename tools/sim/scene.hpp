@@ -7,6 +7,8 @@
 
 #include "slam/base/status.hpp"
 #include "tools/sim/crowd.hpp"
+#include "tools/sim/effects.hpp"
+#include "tools/sim/floor.hpp"
 #include "tools/sim/motion.hpp"
 #include "tools/sim/world.hpp"
 
@@ -22,8 +24,12 @@ struct SceneRequest {
 struct Scene {
   std::shared_ptr<const World> world;
   Route route;
-  std::vector<Walkway> walkways;  // none in a world from a file
-  int people = 0;                 // unless asked otherwise
+  std::vector<Walkway> walkways;       // none in a world from a file
+  int people = 0;                      // unless asked otherwise
+  double ripple = 0.0;                 // of the cart's speed, see MotionOptions
+  Effects effects;                     // unless asked otherwise
+  std::shared_ptr<const Floor> floor;  // nothing: it is level
+  std::shared_ptr<const World> moved;  // the world after its furniture was moved; nothing if it has none
 };
 
 // Fails for an unknown world (the message names the known ones), a file that cannot be read, or a plan without way.

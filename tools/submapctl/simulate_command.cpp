@@ -24,6 +24,8 @@ struct SimulateArguments {
   double minutes = 0.0;
   double speed_m_s = 1.5;
   int people = -1;  // as many as the world has
+  int companions = 0;
+  std::string effects;  // the world's own
   bool odometry = false;
   bool no_noise = false;
   std::string format = "clf";
@@ -32,7 +34,7 @@ struct SimulateArguments {
 Status write_run(Simulator& simulator, ScanSink& log, ScanSink& truth) {
   const bool progress = isatty(STDERR_FILENO) == 1;
   while (const std::optional<Scan> scan = simulator.next()) {
-    const Pose2 pose = simulator.truth(scan->stamp_us);
+    const Pose2 pose = simulator.truth(*scan);
     for (ScanSink* sink : {&log, &truth}) {
       if (Status status = sink->write(*scan, pose); !status.ok()) {
         return status;
@@ -62,19 +64,34 @@ int simulate(const SimulateArguments& arguments) {
   motion_options.seed = arguments.seed;
   motion_options.duration_s = 60.0 * arguments.minutes;
   motion_options.speed_m_s = arguments.speed_m_s;
+  motion_options.cadence_ripple = scene->ripple;
+  Effects effects = scene->effects;
+  if (!arguments.effects.empty()) {
+    const Expected<Effects> asked = parse_effects(arguments.effects);
+    if (!asked) {
+      return report("simulate", asked.error());
+    }
+    effects = *asked;
+  }
+  apply(effects, motion_options);
   Expected<Motion> motion = Motion::along(scene->route, motion_options);
   if (!motion) {
     return report("simulate", motion.error());
   }
   SimulatorOptions options;
   options.seed = arguments.seed;
+  apply(effects, options.sensor);
+  options.floor = scene->floor;
+  options.later_world = effects.moved ? scene->moved : nullptr;
   options.sensor.noise = !arguments.no_noise;
   if (arguments.odometry) {
     options.odometry = OdometryOptions{};
   }
-  options.crowd = std::make_shared<const Crowd>(
-      scene->walkways, arguments.people < 0 ? scene->people : arguments.people, arguments.seed);
   const auto cart = std::make_shared<const Motion>(std::move(*motion));
+  const auto crowd =
+      std::make_shared<Crowd>(scene->walkways, arguments.people < 0 ? scene->people : arguments.people, arguments.seed);
+  crowd->accompany(*cart, arguments.companions, arguments.seed);
+  options.crowd = crowd;
   Simulator simulator(scene->world, cart, options);
 
   const std::string log_path = arguments.out + "." + arguments.format;
@@ -115,6 +132,10 @@ void register_simulate(CLI::App& app, CommandRun& run) {
       ->check(CLI::Range(0.1, 1440.0));
   command->add_option("--people", arguments->people, "People who walk about; without it, as many as the world has")
       ->check(CLI::Range(0, 2000));
+  command->add_option("--companions", arguments->companions, "People who go along with the cart")
+      ->check(CLI::Range(0, 100));
+  command->add_option("--effects", arguments->effects,
+                      "Some of mixed,bias,clock,lost,jerky,moved, or all or none; without it, the world's own");
   command->add_option("--speed", arguments->speed_m_s, "Top speed in m/s")
       ->check(CLI::Range(0.05, 5.0))
       ->capture_default_str();

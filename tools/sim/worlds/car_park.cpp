@@ -44,7 +44,9 @@ Site build_car_park(std::uint64_t seed) {
     for (double x = 7.0 + kBay_m / 2; x < kLength_m - 7.0; x += kBay_m) {
       for (const bool upper : {false, true}) {
         if (!cross_lane(x - kBay_m / 2) && !cross_lane(x + kBay_m / 2) && random.uniform() < kOccupied) {
+          d.movable(true);
           draw_car(d, random, x, upper ? y + 13.5 : y + 2.5, upper);
+          d.movable(false);
         }
       }
     }
@@ -69,6 +71,7 @@ Site build_car_park(std::uint64_t seed) {
   d.box(93.0, 50.0, 3.0, 6.5);
 
   Site site;
+  site.furniture = d.furniture();
   site.walls = d.take();
   site.area_m2 = kLength_m * kDepth_m;
   site.people = 10;

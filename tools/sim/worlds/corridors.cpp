@@ -59,11 +59,11 @@ void draw_ring_side(Draughtsman& d, CounterRandom& random, double side_m) {
   };
   double s = 0.0;
   while (s < kRing_m) {
-    const double plain = std::min(kRing_m, s + random.uniform(3.0, 11.0));
+    const double plain = std::min(kRing_m, s + random.uniform(2.5, 9.0));
     along(s, plain, 0.0);
     const double end = std::min(kRing_m, plain + random.uniform(0.9, 1.3));
     const double draw = random.uniform();
-    const double deeper = draw < 0.75 ? random.uniform(0.05, 0.12) : draw < 0.9 ? 0.4 : -0.1;
+    const double deeper = draw < 0.65 ? random.uniform(0.06, 0.14) : draw < 0.85 ? 0.4 : -0.12;
     d.line(at(plain, 0.0), at(plain, deeper));
     along(plain, end, deeper);
     d.line(at(end, deeper), at(end, 0.0));
@@ -92,6 +92,7 @@ Site build_ring(std::uint64_t seed) {
     draw_ring_side(d, random, side);
   }
   CounterRandom random(seed, kRingStream, 2);
+  d.movable(true);
   for (double s = 6.0; s < kRing_m - 6.0; s += random.uniform(18.0, 34.0)) {
     const RingPlace place = ring_at(s);
     const Eigen::Vector2d thing = place.middle + (random.uniform() < 0.5 ? 1.0 : -1.0) * 1.0 * place.left;
@@ -103,6 +104,7 @@ Site build_ring(std::uint64_t seed) {
     }
   }
   Site site;
+  site.furniture = d.furniture();
   site.walls = d.take();
   site.area_m2 = kRing_m * 2.0 * kHalfWidth_m;
   site.people = 8;
@@ -142,6 +144,18 @@ Site build_corridor(std::uint64_t /*seed*/) {
   site.walls = d.take();
   site.area_m2 = kCorridor_m * 2.4 + 2.0 * kRoom_m * 10.0;
   site.route.waypoints = {{-6.0, -1.5}, {-6.5, 1.5}, {-2.0, 0.0}, {kCorridor_m + 2.0, 0.0}, {kCorridor_m + 6.0, 1.4}};
+  return site;
+}
+
+Site build_corridor_ripple(std::uint64_t seed) {
+  Site site = build_corridor(seed);
+  site.ripple = 0.03;
+  return site;
+}
+
+Site build_corridor_braking(std::uint64_t seed) {
+  Site site = build_corridor(seed);
+  site.route.slow_places = {{{70.0, 0.0}, 4.0, 0.8}, {{125.0, 0.0}, 2.0, 0.2}, {{150.0, 0.0}, 3.0, 1.2}};
   return site;
 }
 

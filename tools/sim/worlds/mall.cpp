@@ -37,6 +37,7 @@ struct Door {
 
 // Shelves, racks and a counter; the lane behind the door stays free.
 void furnish_shop(Draughtsman& d, CounterRandom& random, double left, double right, const Door& door, double back_y) {
+  d.movable(true);
   const double inwards = back_y > door.front_y ? 1.0 : -1.0;
   const double depth = std::abs(back_y - door.front_y);
   const auto y_at = [&](double deep) { return door.front_y + inwards * deep; };
@@ -58,6 +59,11 @@ void furnish_shop(Draughtsman& d, CounterRandom& random, double left, double rig
       }
       deep += length + gap;
     }
+  }
+  d.movable(false);
+  if (random.uniform() < 0.3) {
+    const double x = left + 0.12;  // a mirror on the dividing wall
+    d.line({x, y_at(depth - 5.0)}, {x, y_at(depth - 3.0)}, Surface::kMirror);
   }
 }
 
@@ -119,6 +125,7 @@ void furnish_galleries(Draughtsman& d, CounterRandom& random) {
         continue;
       }
       const double draw = random.uniform();
+      d.movable(true);
       if (draw < 0.35) {
         d.box(x, y, random.uniform(1.8, 3.0), random.uniform(0.9, 1.5));
       } else if (draw < 0.7) {
@@ -127,6 +134,7 @@ void furnish_galleries(Draughtsman& d, CounterRandom& random) {
         d.round(x, y, random.uniform(0.3, 0.7), 12);
       }
     }
+    d.movable(false);
     for (double x = 6.0; x < kLength_m; x += 12.0) {
       d.round(x, y - 4.1, 0.3, 16);
       d.round(x, y + 4.1, 0.3, 16);
@@ -246,6 +254,7 @@ Site build_mall(std::uint64_t seed) {
   draw_cross_fronts(d, random);
 
   Site site;
+  site.furniture = d.furniture();
   site.walls = d.take();
   site.area_m2 = kLength_m * kDepth_m;
   site.people = 260;

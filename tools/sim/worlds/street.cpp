@@ -86,12 +86,13 @@ void draw_open_side(Draughtsman& d, std::uint64_t seed) {
   for (const double x : {38.0, 104.0}) {
     d.box(x, 9.6, 2.6, 1.8, 4.0);  // kiosks
   }
-  // Tables of a cafe by the wall.
+  d.movable(true);  // tables of a cafe by the wall
   for (double x = 66.0; x < 78.0; x += random.uniform(1.9, 2.6)) {
     d.round(x, 1.4, 0.05, 6);
     d.chair(x - 0.6, 1.3, random.uniform(0.0, 90.0));
     d.chair(x + 0.6, 1.5, random.uniform(0.0, 90.0));
   }
+  d.movable(false);
 }
 
 }  // namespace
@@ -101,6 +102,7 @@ Site build_street(std::uint64_t seed) {
   draw_houses(d, seed);
   draw_open_side(d, seed);
   Site site;
+  site.furniture = d.furniture();
   site.walls = d.take();
   site.area_m2 = kLength_m * 30.0;
   site.people = 60;

@@ -10,6 +10,7 @@ Site build_office(std::uint64_t /*seed*/) {
   site.walls = office_world().segments();
   site.route = office_tour();
   site.area_m2 = 40.0 * 25.0;
+  site.effects = Effects{};  // figures of many commits are measured with the plain scanner
   for (const double y : {7.0, 17.0}) {
     site.walkways.push_back({{{3.0, y}, {37.0, y}}, 0.5});
   }
@@ -20,9 +21,17 @@ Site build_office(std::uint64_t /*seed*/) {
 }
 
 constexpr BuiltInWorld kWorlds[] = {
-    {"office", build_office},     {"mall", build_mall}, {"street", build_street},
-    {"car_park", build_car_park}, {"ring", build_ring}, {"twin_wings", build_twin_wings},
+    {"office", build_office},
+    {"mall", build_mall},
+    {"street", build_street},
+    {"car_park", build_car_park},
+    {"ring", build_ring},
+    {"twin_wings", build_twin_wings},
+    {"identical_floors", build_identical_floors},
     {"corridor", build_corridor},
+    {"corridor_ripple", build_corridor_ripple},
+    {"corridor_braking", build_corridor_braking},
+    {"ramp", build_ramp},
 };
 
 }  // namespace
