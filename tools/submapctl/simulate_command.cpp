@@ -31,7 +31,7 @@ struct SimulateArguments {
   std::string format = "clf";
 };
 
-Status write_run(Simulator& simulator, ScanSink& log, ScanSink& truth) {
+Status write_run(Simulator& simulator, ScanSink& log, ScanSink& truth, std::uint64_t& written) {
   const bool progress = isatty(STDERR_FILENO) == 1;
   while (const std::optional<Scan> scan = simulator.next()) {
     const Pose2 pose = simulator.truth(*scan);
@@ -40,6 +40,7 @@ Status write_run(Simulator& simulator, ScanSink& log, ScanSink& truth) {
         return status;
       }
     }
+    ++written;
     if (progress && (scan->index % 400 == 0 || scan->index + 1 == simulator.scan_count())) {
       fmt::print(stderr, "\r{} of {} scans", scan->index + 1, simulator.scan_count());
     }
@@ -103,12 +104,13 @@ int simulate(const SimulateArguments& arguments) {
   if (!truth) {
     return report("simulate", truth.error());
   }
-  if (const Status status = write_run(simulator, **log, **truth); !status.ok()) {
+  std::uint64_t written = 0;
+  if (const Status status = write_run(simulator, **log, **truth, written); !status.ok()) {
     return report("simulate", status);
   }
   fmt::print("{}.{}: {} scans, {:.1f} s, {:.1f} m of way, {} walls, {} people, seed {}\n", arguments.out,
-             arguments.format, simulator.scan_count(), cart->duration_s(), cart->length_m(),
-             scene->world->segments().size(), options.crowd->size(), arguments.seed);
+             arguments.format, written, cart->duration_s(), cart->length_m(), scene->world->segments().size(),
+             options.crowd->size(), arguments.seed);
   return 0;
 }
 

@@ -11,7 +11,7 @@ constexpr double kLength_m = 96.0;
 constexpr double kDepth_m = 64.0;
 constexpr double kAisle_m = 16.0;  // bays of 5 m on both sides of a lane of 6 m
 constexpr double kBay_m = 2.5;
-constexpr double kOccupied = 0.45;
+constexpr double kOccupied[4] = {0.45, 0.15, 0.04, 0.3};  // of the bays, by lane: some lanes hold columns only
 
 // Body at the height of bumpers; x along the bay.
 void draw_car(Draughtsman& d, CounterRandom& random, double x, double y, bool nose_up) {
@@ -43,7 +43,7 @@ Site build_car_park(std::uint64_t seed) {
     const double y = kAisle_m * aisle;
     for (double x = 7.0 + kBay_m / 2; x < kLength_m - 7.0; x += kBay_m) {
       for (const bool upper : {false, true}) {
-        if (!cross_lane(x - kBay_m / 2) && !cross_lane(x + kBay_m / 2) && random.uniform() < kOccupied) {
+        if (!cross_lane(x - kBay_m / 2) && !cross_lane(x + kBay_m / 2) && random.uniform() < kOccupied[aisle]) {
           d.movable(true);
           draw_car(d, random, x, upper ? y + 13.5 : y + 2.5, upper);
           d.movable(false);

@@ -1,4 +1,6 @@
 // Two halls on two levels, joined by two ramps: the plane of the scan tilts on ramps and door sills.
+#include <algorithm>
+
 #include "slam/base/random.hpp"
 #include "tools/sim/draughtsman.hpp"
 #include "tools/sim/worlds/worlds.hpp"
@@ -34,6 +36,10 @@ void furnish_hall(Draughtsman& d, CounterRandom& random, double west) {
   for (double x = west + 2.0; x < west + 17.0; x += random.uniform(2.5, 4.0)) {
     d.box(x, random.uniform(0.4, 0.9), random.uniform(0.8, 2.0), 0.6);
     d.box(x, kDepth_m - random.uniform(0.4, 0.9), random.uniform(0.8, 2.0), 0.6);
+    const double along_lane_m = std::min(x - west, kHall_m - (x - west));
+    if (along_lane_m < 5.5) {
+      continue;  // the cart's way from ramp to ramp
+    }
     d.box(x, 8.0 + random.uniform(-1.2, 1.2), random.uniform(0.5, 1.4), random.uniform(0.5, 1.0),
           random.uniform(-20.0, 20.0));
   }

@@ -88,7 +88,7 @@ void draw_floor(Draughtsman& d, std::uint64_t seed) {
     d.box(x + random.uniform(2.9, 3.4), 0.6, 1.0, 0.5);
     d.desk(x + random.uniform(0.9, 1.3), 20.8);
     d.chair(x + random.uniform(2.8, 3.4), 20.6, random.uniform(0.0, 90.0));
-    d.box(x + 0.3, random.uniform(18.6, 19.6), 0.5, 0.9);
+    d.box(x - 0.5, random.uniform(18.6, 19.6), 0.5, 0.9);
   }
   d.box(5.1, 8.0, 0.3, 0.8);
   d.round(24.6, 16.9, 0.18, 9);
