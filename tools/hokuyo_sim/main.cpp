@@ -31,6 +31,7 @@
 #include "tools/hokuyo_sim/world_ranges.hpp"
 #include "tools/log/log_reader.hpp"
 #include "tools/sim/scene.hpp"
+#include "tools/sim/worlds/worlds.hpp"
 
 extern char** environ;  // NOLINT(readability-redundant-declaration): POSIX wants it declared by the program
 
@@ -311,7 +312,7 @@ void add_options(CLI::App& app, Arguments& a) {
       ->check(CLI::Range(1, 4))
       ->capture_default_str();
   app.add_option("--serial", a.serials, "Serial number of the first, the second, ...; else 00900001, 00900002, ...");
-  app.add_option("--world", a.world, "office, or a file of walls .csv or a grey map .pgm, .pgm.gz")
+  app.add_option("--world", a.world, world_names() + ", or a file of walls .csv or a grey map .pgm, .pgm.gz")
       ->capture_default_str();
   app.add_option("--log", a.log, "Recorded ranges instead of a world: a log, over and over")->check(CLI::ExistingFile);
   app.add_option("--vertical", a.vertical, "Which scanner stands upright; 0: none")->capture_default_str();

@@ -24,6 +24,10 @@ constexpr double kSlowest_m_s = 0.02;
 // Random streams; the way-points use theirs with the number of the way-point.
 constexpr std::uint64_t kJitterStream = 0x4A495454;
 constexpr std::uint64_t kWobbleStream = 0x574F4242;
+constexpr std::uint64_t kStopStream = 0x53544F50;
+
+constexpr double kCadence_rad_s = 2.0 * std::numbers::pi * 1.9;
+constexpr double kStopMargin_m = 1.2;  // no stop nearer than this to a way-point
 
 constexpr double kMostLaps = 1e5;
 
@@ -93,7 +97,8 @@ Expected<Motion> Motion::along(const Route& route, const MotionOptions& options)
   const bool positive = options.speed_m_s >= 0.05 && options.acceleration_m_s2 > 0.0 && options.jerk_m_s3 > 0.0 &&
                         options.lateral_acceleration_m_s2 > 0.0 && options.yaw_rate_rad_s > 0.0 &&
                         options.yaw_acceleration_rad_s2 > 0.0 && options.standstill_s >= 0.0 &&
-                        options.duration_s >= 0.0 && options.wobble_rad >= 0.0;
+                        options.duration_s >= 0.0 && options.wobble_rad >= 0.0 && options.cadence_ripple >= 0.0 &&
+                        options.cadence_ripple < 1.0 && options.stop_every_m >= 0.0;
   if (!positive) {
     return failure(StatusCode::kInvalidArgument,
                    "motion: a limit is zero or negative, or the speed below 0.05 m/s; give positive limits");
@@ -106,11 +111,12 @@ Expected<Motion> Motion::along(const Route& route, const MotionOptions& options)
     return failure(StatusCode::kInvalidArgument, "route: fewer than two different way-points; give at least two");
   }
   Motion motion;
+  motion.ripple_ = options.cadence_ripple;
   motion.duration_s_ = options.standstill_s;
   motion.time_limit_s_ =
       options.duration_s > 0.0 ? options.duration_s - options.standstill_s : std::numeric_limits<double>::infinity();
-  for (const std::vector<Eigen::Vector2d>& leg : split_at_reversals(points)) {
-    if (!motion.add_drive(leg, route, options)) {
+  for (const Stretch& stretch : split_at_stops(split_at_reversals(points), options)) {
+    if (!motion.add_drive(stretch, route, options)) {
       break;
     }
   }
@@ -122,9 +128,42 @@ Expected<Motion> Motion::along(const Route& route, const MotionOptions& options)
   return motion;
 }
 
-bool Motion::add_drive(const std::vector<Eigen::Vector2d>& waypoints, const Route& route,
-                       const MotionOptions& options) {
-  Path path(waypoints, route.smoothing_m);
+std::vector<Motion::Stretch> Motion::split_at_stops(const std::vector<std::vector<Eigen::Vector2d>>& legs,
+                                                    const MotionOptions& options) {
+  std::vector<Stretch> stretches;
+  double to_stop_m = options.stop_every_m;
+  for (const std::vector<Eigen::Vector2d>& leg : legs) {
+    Stretch stretch;
+    for (std::size_t i = 0; i < leg.size(); ++i) {
+      double piece_m = i == 0 ? 0.0 : (leg[i] - leg[i - 1]).norm();
+      while (options.stop_every_m > 0.0 && piece_m > to_stop_m + kStopMargin_m && piece_m > 2.0 * kStopMargin_m) {
+        const double behind_m = std::max(to_stop_m, kStopMargin_m);
+        const Eigen::Vector2d& from = stretch.waypoints.back();
+        const Eigen::Vector2d stop = from + (leg[i] - from) * (behind_m / piece_m);
+        stretch.waypoints.push_back(stop);
+        CounterRandom random(options.seed, kStopStream, stretches.size());
+        stretches.push_back(std::move(stretch));
+        stretch = {{stop}, random.uniform(0.2, 3.0), 0.0, random.uniform(0.5, 1.0)};
+        if (random.uniform() < 0.3) {
+          stretch.look_rad = random.uniform(0.7, std::numbers::pi) * (random.uniform() < 0.5 ? 1.0 : -1.0);
+        }
+        piece_m -= behind_m;
+        to_stop_m = options.stop_every_m * random.uniform(0.4, 1.6);
+      }
+      to_stop_m -= piece_m;
+      stretch.waypoints.push_back(leg[i]);
+    }
+    stretches.push_back(std::move(stretch));
+  }
+  return stretches;
+}
+
+bool Motion::add_drive(const Stretch& stretch, const Route& route, const MotionOptions& options) {
+  Path path(stretch.waypoints, route.smoothing_m);
+  duration_s_ += stretch.pause_s;
+  if (stretch.look_rad != 0.0 && !add_turn(path.at(0.0).heading_rad() + stretch.look_rad, options)) {
+    return false;
+  }
   if (!legs_.empty() && !add_turn(path.at(0.0).heading_rad(), options)) {
     return false;
   }
@@ -143,9 +182,15 @@ bool Motion::add_drive(const std::vector<Eigen::Vector2d>& waypoints, const Rout
     const double change = (path.at(std::min(s + kDelta_m, path.length_m())).curvature() -
                            path.at(std::max(s - kDelta_m, 0.0)).curvature()) /
                           (2.0 * kDelta_m);
-    double speed = kMargin * std::min(options.speed_m_s, options.yaw_rate_rad_s / (bend + wobble_slope));
+    const double pushed_m_s = stretch.speed_share * options.speed_m_s;
+    double speed = kMargin * std::min(pushed_m_s, options.yaw_rate_rad_s / (bend + wobble_slope));
     speed = std::min(speed, std::sqrt(options.lateral_acceleration_m_s2 / std::max(bend, 1e-9)));
     speed = std::min(speed, std::sqrt(options.yaw_acceleration_rad_s2 / std::max(std::abs(change), 1e-9)));
+    for (const SlowPlace& slow : route.slow_places) {
+      if ((path.at(s).position - slow.centre).norm() < slow.radius_m) {
+        speed = std::min(speed, slow.speed_m_s);
+      }
+    }
     return std::max(speed, kSlowest_m_s);
   };
   const ProfileLimits limits{0.98 * options.acceleration_m_s2, options.jerk_m_s3};
@@ -222,7 +267,10 @@ Pose2 Motion::at(double time_s) const {
   auto after = std::upper_bound(legs_.begin(), legs_.end(), time_s,
                                 [](double time, const Leg& leg) { return time < leg.start_s; });
   const Leg& leg = after == legs_.begin() ? *after : *(after - 1);
-  return pose_on(leg, leg.profile.distance(time_s - leg.start_s));
+  // Steps change the speed as if time ran a little faster and slower.
+  const double since_start_s = time_s - leg.start_s;
+  const double stepped_s = leg.path ? ripple_ / kCadence_rad_s * std::sin(kCadence_rad_s * since_start_s) : 0.0;
+  return pose_on(leg, leg.profile.distance(since_start_s + stepped_s));
 }
 
 }  // namespace submapd::tools

@@ -12,9 +12,13 @@
 
 namespace submapd::tools {
 
+// What a beam meets, see beam.hpp.
+enum class Surface : std::uint8_t { kMatt, kGlass, kMirror };
+
 struct Segment {
   Eigen::Vector2d a;
   Eigen::Vector2d b;
+  Surface surface = Surface::kMatt;
 };
 
 struct RayHit {

@@ -9,6 +9,7 @@
 #include "tools/sim/scan_sink.hpp"
 #include "tools/sim/scene.hpp"
 #include "tools/sim/simulator.hpp"
+#include "tools/sim/worlds/worlds.hpp"
 #include "tools/submapctl/commands.hpp"
 
 namespace submapd::tools {
@@ -22,20 +23,24 @@ struct SimulateArguments {
   std::uint64_t seed = 1;
   double minutes = 0.0;
   double speed_m_s = 1.5;
+  int people = -1;  // as many as the world has
+  int companions = 0;
+  std::string effects;  // the world's own
   bool odometry = false;
   bool no_noise = false;
   std::string format = "clf";
 };
 
-Status write_run(Simulator& simulator, ScanSink& log, ScanSink& truth) {
+Status write_run(Simulator& simulator, ScanSink& log, ScanSink& truth, std::uint64_t& written) {
   const bool progress = isatty(STDERR_FILENO) == 1;
   while (const std::optional<Scan> scan = simulator.next()) {
-    const Pose2 pose = simulator.truth(scan->stamp_us);
+    const Pose2 pose = simulator.truth(*scan);
     for (ScanSink* sink : {&log, &truth}) {
       if (Status status = sink->write(*scan, pose); !status.ok()) {
         return status;
       }
     }
+    ++written;
     if (progress && (scan->index % 400 == 0 || scan->index + 1 == simulator.scan_count())) {
       fmt::print(stderr, "\r{} of {} scans", scan->index + 1, simulator.scan_count());
     }
@@ -60,17 +65,34 @@ int simulate(const SimulateArguments& arguments) {
   motion_options.seed = arguments.seed;
   motion_options.duration_s = 60.0 * arguments.minutes;
   motion_options.speed_m_s = arguments.speed_m_s;
+  motion_options.cadence_ripple = scene->ripple;
+  Effects effects = scene->effects;
+  if (!arguments.effects.empty()) {
+    const Expected<Effects> asked = parse_effects(arguments.effects);
+    if (!asked) {
+      return report("simulate", asked.error());
+    }
+    effects = *asked;
+  }
+  apply(effects, motion_options);
   Expected<Motion> motion = Motion::along(scene->route, motion_options);
   if (!motion) {
     return report("simulate", motion.error());
   }
   SimulatorOptions options;
   options.seed = arguments.seed;
+  apply(effects, options.sensor);
+  options.floor = scene->floor;
+  options.later_world = effects.moved ? scene->moved : nullptr;
   options.sensor.noise = !arguments.no_noise;
   if (arguments.odometry) {
     options.odometry = OdometryOptions{};
   }
   const auto cart = std::make_shared<const Motion>(std::move(*motion));
+  const auto crowd =
+      std::make_shared<Crowd>(scene->walkways, arguments.people < 0 ? scene->people : arguments.people, arguments.seed);
+  crowd->accompany(*cart, arguments.companions, arguments.seed);
+  options.crowd = crowd;
   Simulator simulator(scene->world, cart, options);
 
   const std::string log_path = arguments.out + "." + arguments.format;
@@ -82,12 +104,13 @@ int simulate(const SimulateArguments& arguments) {
   if (!truth) {
     return report("simulate", truth.error());
   }
-  if (const Status status = write_run(simulator, **log, **truth); !status.ok()) {
+  std::uint64_t written = 0;
+  if (const Status status = write_run(simulator, **log, **truth, written); !status.ok()) {
     return report("simulate", status);
   }
-  fmt::print("{}.{}: {} scans, {:.1f} s, {:.1f} m of way, {} walls, seed {}\n", arguments.out, arguments.format,
-             simulator.scan_count(), cart->duration_s(), cart->length_m(), scene->world->segments().size(),
-             arguments.seed);
+  fmt::print("{}.{}: {} scans, {:.1f} s, {:.1f} m of way, {} walls, {} people, seed {}\n", arguments.out,
+             arguments.format, written, cart->duration_s(), cart->length_m(), scene->world->segments().size(),
+             options.crowd->size(), arguments.seed);
   return 0;
 }
 
@@ -96,7 +119,8 @@ int simulate(const SimulateArguments& arguments) {
 void register_simulate(CLI::App& app, CommandRun& run) {
   auto arguments = std::make_shared<SimulateArguments>();
   CLI::App* command = app.add_subcommand("simulate", "Write the log and the truth of a simulated run");
-  command->add_option("world", arguments->world, "office, or a file of walls .csv or a grey map .pgm, .pgm.gz")
+  command
+      ->add_option("world", arguments->world, world_names() + ", or a file of walls .csv or a grey map .pgm, .pgm.gz")
       ->required();
   command->add_option("--out", arguments->out, "Prefix of the files written: PREFIX.clf and PREFIX.truth.tum")
       ->required();
@@ -108,6 +132,12 @@ void register_simulate(CLI::App& app, CommandRun& run) {
   command->add_option("--seed", arguments->seed, "Seed of all noise")->capture_default_str();
   command->add_option("--minutes", arguments->minutes, "Duration; the tour is repeated or cut; without it, one tour")
       ->check(CLI::Range(0.1, 1440.0));
+  command->add_option("--people", arguments->people, "People who walk about; without it, as many as the world has")
+      ->check(CLI::Range(0, 2000));
+  command->add_option("--companions", arguments->companions, "People who go along with the cart")
+      ->check(CLI::Range(0, 100));
+  command->add_option("--effects", arguments->effects,
+                      "Some of mixed,bias,clock,lost,jerky,moved, or all or none; without it, the world's own");
   command->add_option("--speed", arguments->speed_m_s, "Top speed in m/s")
       ->check(CLI::Range(0.05, 5.0))
       ->capture_default_str();

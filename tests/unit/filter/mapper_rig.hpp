@@ -54,7 +54,7 @@ inline Drive drive_in_office(const DriveOptions& wanted) {
                              std::make_shared<const tools::Motion>(std::move(*motion)), options);
   Drive drive;
   while (std::optional<Scan> scan = simulator.next()) {
-    drive.truth.push_back(simulator.truth(scan->stamp_us));
+    drive.truth.push_back(simulator.truth(*scan));
     drive.scans.push_back(std::move(*scan));
   }
   return drive;

@@ -89,7 +89,7 @@ TEST(Simulator, TruthIsTheMotionAtTheStampOfTheFirstBeam) {
   while (const std::optional<Scan> scan = simulator.next()) {
     EXPECT_EQ(scan->index, count);
     EXPECT_EQ(scan->stamp_us, 1'700'000'000'000'000 + static_cast<std::int64_t>(count) * 25'000);
-    const Pose2 difference = between(motion->at(static_cast<double>(count) * 0.025), simulator.truth(scan->stamp_us));
+    const Pose2 difference = between(motion->at(static_cast<double>(count) * 0.025), simulator.truth(*scan));
     EXPECT_LT(difference.translation().norm(), 1e-9);
     EXPECT_NEAR(difference.yaw, 0.0, 1e-9);
     EXPECT_FALSE(scan->odometry);
@@ -146,7 +146,7 @@ TEST(Simulator, OdometryDriftsButFollowsTheMotion) {
   double worst_step_m = 0.0;
   while (const std::optional<Scan> scan = simulator.next()) {
     ASSERT_TRUE(scan->odometry);
-    const Pose2 truth = simulator.truth(scan->stamp_us);
+    const Pose2 truth = simulator.truth(*scan);
     const Pose2 error = between(between(last_truth, truth), between(last_odometry, *scan->odometry));
     worst_step_m = std::max(worst_step_m, error.translation().norm());
     if (scan->index < 40) {
@@ -183,8 +183,8 @@ class SinkTest : public testing::Test {
     auto truth = open_truth_sink(path(name + ".tum"));
     ASSERT_TRUE(log && truth);
     while (const std::optional<Scan> scan = simulator.next()) {
-      ASSERT_TRUE((*log)->write(*scan, simulator.truth(scan->stamp_us)).ok());
-      ASSERT_TRUE((*truth)->write(*scan, simulator.truth(scan->stamp_us)).ok());
+      ASSERT_TRUE((*log)->write(*scan, simulator.truth(*scan)).ok());
+      ASSERT_TRUE((*truth)->write(*scan, simulator.truth(*scan)).ok());
     }
     ASSERT_TRUE((*log)->finish().ok());
     ASSERT_TRUE((*truth)->finish().ok());
