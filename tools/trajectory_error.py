@@ -47,8 +47,9 @@ def interpolate(poses, stamps, stamp, max_gap_s):
     return x0 + share * (x1 - x0), y0 + share * (y1 - y0), yaw0 + share * wrap(yaw1 - yaw0)
 
 
-def moved(pairs):
-    """The estimates after moving all of them rigidly onto the truth: [(x, y, yaw)]. pairs: [(estimate, truth)]"""
+def moved(pairs, poses=None):
+    """Poses (by default the estimates) after the rigid motion that moves the estimates onto the truth: [(x, y, yaw)].
+    pairs: [(estimate, truth)]"""
     n = len(pairs)
     ex, ey, tx, ty = (sum(p[i][j] for p in pairs) / n for i, j in ((0, 0), (0, 1), (1, 0), (1, 1)))
     dot = sum((e[0] - ex) * (t[0] - tx) + (e[1] - ey) * (t[1] - ty) for e, t in pairs)
@@ -56,7 +57,7 @@ def moved(pairs):
     turn = math.atan2(cross, dot)
     c, s = math.cos(turn), math.sin(turn)
     return [(tx + c * (e[0] - ex) - s * (e[1] - ey), ty + s * (e[0] - ex) + c * (e[1] - ey), e[2] + turn)
-            for e, _ in pairs]
+            for e in (poses or [e for e, _ in pairs])]
 
 
 def rmse(pairs):

@@ -27,6 +27,7 @@ NEAR_M = 0.3
 NEAR_RAD = math.radians(2.0)
 COARSE = 8             # cells of a side of what overlap is counted in: 0.4 m
 BLOCK = 64
+KEYFRAME_BYTES = 8 + 8 + 3 * 8 + 3 * 8 + 9 * 8 + 1 + 5 * 8 + 3 * 8 + 4  # without its ranges
 
 
 def read_scans(path):
@@ -94,7 +95,7 @@ def write_drifted(source, seed, log, truth):
 # --- sub-maps -----------------------------------------------------------------------------------------------------
 
 def read_submap(path):
-    """(index, stamp of the first key-frame in us, cell in m, {(x, y) of known coarse cells}) of a .submap file."""
+    """(index, [(stamp_s, x, y, yaw) of key-frames], cell in m, [(x, y) of known coarse cells]) of a .submap file."""
     data = path.read_bytes()
     magic, version, count, _ = struct.unpack_from("<8sIIQ", data, 0)
     if magic != b"SUBMAPD\n" or version != 1:
@@ -106,7 +107,12 @@ def read_submap(path):
         at += 16 + length
     index, = struct.unpack_from("<I", sections[1], 32)
     cell_m, = struct.unpack_from("<d", sections[1], 32 + 4 + 24 + 1)
-    stamp_us, = struct.unpack_from("<q", sections[2], 4 + 8)
+    keyframes, at = [], 4
+    for _ in range(struct.unpack_from("<I", sections[2], 0)[0]):
+        stamp_us, *pose = struct.unpack_from("<qddd", sections[2], at + 8)
+        keyframes.append((stamp_us * 1e-6, *pose))
+        beams, = struct.unpack_from("<I", sections[2], at + KEYFRAME_BYTES - 4)
+        at += KEYFRAME_BYTES + 2 * beams
     known, at = set(), 4
     side = BLOCK // COARSE
     for _ in range(struct.unpack_from("<I", sections[3], 0)[0]):
@@ -119,15 +125,15 @@ def read_submap(path):
                 seen = sum(COARSE - cells[first + BLOCK * i:first + BLOCK * i + COARSE].count(0) for i in range(COARSE))
                 if 2 * seen >= COARSE * COARSE:
                     known.add((bx * side + column, by * side + row))
-    return index, stamp_us, cell_m, sorted(known)
+    return index, keyframes, cell_m, sorted(known)
 
 
 def note_submaps(folder, target):
     """Writes what the metric needs of a folder of sub-maps: it is kept, they are not."""
     noted = []
     for path in sorted(folder.glob("*.submap")):
-        index, stamp_us, cell_m, known = read_submap(path)
-        noted.append({"index": index, "begun_us": stamp_us, "cell_m": COARSE * cell_m, "known": known})
+        index, keyframes, cell_m, known = read_submap(path)
+        noted.append({"index": index, "keyframes": keyframes, "cell_m": COARSE * cell_m, "known": known})
     pathlib.Path(target).write_text(json.dumps(noted, separators=(",", ":")))
 
 
@@ -143,11 +149,23 @@ def overlap_m2(a, b, a_from_b):
     return count * cell * cell
 
 
+def true_place(keyframes, truth, stamps):
+    """Where the reference has a sub-map: its key-frames laid onto their reference poses, which are noisy one by one."""
+    found = [(pose, metrics.pose_at(truth, stamps, stamp)) for stamp, *pose in keyframes]
+    pairs = [(pose, true) for pose, true in found if true is not None]
+    if not pairs:
+        return None
+    if len(pairs) < 3:
+        return metrics.compose(pairs[0][1], metrics.between(pairs[0][0], (0.0, 0.0, 0.0)))
+    place, = metrics.moved(pairs, [(0.0, 0.0, 0.0)])
+    return place
+
+
 def score_pairs(estimate, truth, submaps, report):
     """The issue's metric: closed pairs must lie where the reference has them; recall over all that overlap."""
     stamps = [pose[0] for pose in truth]
     for submap in submaps:
-        submap["true"] = metrics.pose_at(truth, stamps, submap["begun_us"] * 1e-6)
+        submap["true"] = true_place(submap["keyframes"], truth, stamps)
         submap["set"] = {tuple(cell) for cell in submap["known"]}
         submap["reach"] = max((math.hypot(*cell) for cell in submap["known"]), default=0.0) * submap["cell_m"]
     by_index = {s["index"]: s for s in submaps}

@@ -19,7 +19,7 @@ QUALITY_HEAD = "| figure of report.json | rank correlation with the RMSE |"
 EPILOG = """Kill it at any time and start it again: only what is missing is run. A run is known by the bytes of the program, the
 log, options and configuration. Logs are dropped when all runs on them are done; truth, trajectories, pictures and figures
 stay in the cache (SUBMAPD_BENCH_CACHE, else ~/.cache/submapd-bench). Recorded logs and plans are in SUBMAPD_DATA.
-Exit status: 0, also if a row misses what it must show; 1 if a run failed; 2 for bad usage."""
+Exit status: 0, also if a row misses what it must show; 1 if a run failed; 2 for bad usage; 75 if another one is at work."""
 
 
 def arguments_of(words):
@@ -28,6 +28,8 @@ def arguments_of(words):
     parser.add_argument("--rows", action="append", metavar="PATTERN", default=[],
                         help="only rows whose names match, with * and ?; commas or more than once for several")
     parser.add_argument("--seeds", type=int, metavar="N", help="at most this many seeds a row (default: each row's own)")
+    parser.add_argument("--minutes", type=float, metavar="M",
+                        help="simulate so long instead of what the rows ask for: a first look, not the table")
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="logs worked on at once (default 1)")
     parser.add_argument("--list", action="store_true", help="list the rows and what of them is done, and run nothing")
     parser.add_argument("--table", action="store_true", help="print the table of what is done, and run nothing")
@@ -45,6 +47,8 @@ def arguments_of(words):
     parser.add_argument("--readme", action="store_true", help="write the rows into tests/bench/README.md")
     arguments = parser.parse_args(words)
     arguments.rows = [p for pattern in arguments.rows for p in pattern.split(",") if p]
+    if arguments.readme and (arguments.minutes or arguments.config):
+        parser.error("--readme is for the rows as they are: without --minutes and --config")
     if arguments.jobs < 1 or (arguments.seeds is not None and arguments.seeds < 1):
         parser.error("--jobs and --seeds must be at least 1")
     for program in (arguments.submapctl, arguments.simulator):
@@ -76,12 +80,12 @@ def seeds_of(row, most):
     return range(1, min(row.seeds, most or row.seeds) + 1)
 
 
-def runs_of(row, most):
+def runs_of(row, arguments):
     """[(seed, name for people, name within the row, Run)]"""
     if row.missing:
         return []
-    return [(seed, f"{row.name} seed {seed}" + (f" {name}" if name != "run" else ""), name, run)
-            for seed in seeds_of(row, most) for name, run in row.runs(seed).items()]
+    return [(seed, f"{row.name} seed {seed}" + (f" {name}" if name != "run" else ""), name, run.shortened(arguments.minutes))
+            for seed in seeds_of(row, arguments.seeds) for name, run in row.runs(seed).items()]
 
 
 def problem_of(run, tools, impossible, failures):
@@ -96,13 +100,13 @@ def problem_of(run, tools, impossible, failures):
 class Table:
     """What is done of the selected rows."""
 
-    def __init__(self, selected, most, cache, tools, impossible, failures):
+    def __init__(self, selected, arguments, cache, tools, impossible, failures):
         self.lines, self.outcomes, self.complete = [], {}, set()
         for row in selected:
             by_seed, problem = {}, row.missing and f"not built: {row.missing}"
-            for seed in seeds_of(row, most):
+            for seed in seeds_of(row, arguments.seeds):
                 found = {}
-                runs = [(label, name, run) for s, label, name, run in runs_of(row, most) if s == seed]
+                runs = [(label, name, run) for s, label, name, run in runs_of(row, arguments) if s == seed]
                 for label, name, run in runs:
                     outcome = None
                     if run not in impossible:
@@ -154,7 +158,9 @@ def print_quality(table):
 def main(words):
     arguments = arguments_of(words)
     cache = Cache(arguments.cache)
-    cache.clean()
+    if not (arguments.list or arguments.table or cache.lock()):
+        print(f"tests/bench/slam: {arguments.cache}: another one is at work there", file=sys.stderr)
+        return 75
     configuration = {}
     if arguments.config:
         try:
@@ -166,11 +172,11 @@ def main(words):
                   own_copy(arguments.simulator, cache) if arguments.simulator else None, os.environ.get("SUBMAPD_DATA"),
                   configuration)
     selected = rows.rows_like(arguments.rows)
-    wanted = [(label, run) for row in selected for _, label, _, run in runs_of(row, arguments.seeds)]
+    wanted = [(label, run) for row in selected for _, label, _, run in runs_of(row, arguments)]
     jobs, impossible = work.plan(wanted, cache, tools)
     if arguments.list:
         for row in selected:
-            runs = [run for _, _, _, run in runs_of(row, arguments.seeds)]
+            runs = [run for _, _, _, run in runs_of(row, arguments)]
             reasons = sorted({impossible[run] for run in runs if run in impossible})
             done = sum(run not in impossible and cache.is_done(run, tools) for run in runs)
             state = f"not built: {row.missing}" if row.missing else reasons[0] if reasons else f"{done} of {len(runs)} runs done"
@@ -183,7 +189,7 @@ def main(words):
         except KeyboardInterrupt:
             print("interrupted: start again to go on", file=sys.stderr)
             return 130
-    table = Table(selected, arguments.seeds, cache, tools, impossible, failures)
+    table = Table(selected, arguments, cache, tools, impossible, failures)
     table.pictures(cache.folder / "pictures")
     page.print_lines(table.lines)
     print()

@@ -10,7 +10,7 @@ import sys
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[3] / "tools"))
 from trajectory_error import interpolate, moved, read_tum, wrap  # pylint: disable=wrong-import-position
 
-__all__ = ["against_relations", "against_truth", "between", "compose", "loops_against_truth", "pose_at", "read_relations",
+__all__ = ["against_relations", "against_truth", "between", "compose", "loops_against_truth", "moved", "pose_at", "read_relations",
            "read_tum", "slips", "spearman", "wrap"]
 
 LONGEST_GAP_S = 1.0   # of the truth that is interpolated over

@@ -6,6 +6,7 @@ the simulator's bytes and its options, a made one's that of the log it is made f
 Everything is written aside and renamed, so whatever exists is whole and a command that was killed goes on where it was.
 """
 import dataclasses
+import fcntl
 import functools
 import gzip
 import hashlib
@@ -86,6 +87,12 @@ class Simulated:
     options: tuple = ()
     format: str = "lcmlog"
 
+    def shortened(self, minutes):
+        options = list(self.options)
+        if "--minutes" in options:
+            del options[options.index("--minutes"):options.index("--minutes") + 2]
+        return dataclasses.replace(self, options=(*options, "--minutes", f"{minutes:g}"))
+
     def key(self, tools):
         plan = hash_of_file(tools.data(self.world)) if "." in self.world else self.world
         return hash_of(["simulated", hash_of_file(tools.simulator), plan, self.seed, self.options, self.format])
@@ -107,6 +114,9 @@ class Operated:
     @property
     def seed(self):
         return self.base.seed
+
+    def shortened(self, minutes):
+        return dataclasses.replace(self, base=self.base.shortened(minutes))
 
     def key(self, tools):
         return hash_of(["operated", self.base.key(tools), self.operation, self.arguments, hash_of_file(surgery.__file__)])
@@ -186,6 +196,12 @@ class Run:
     cost: float = 30.0                 # seconds it is thought to take, until it has been measured
     score: str = "truth"               # truth, relations, parts (of a kidnap), pairs (of sub-maps) or none
 
+    def shortened(self, minutes):
+        """The same on a simulated log of so many minutes."""
+        if minutes is None or not hasattr(self.log, "shortened"):
+            return self
+        return dataclasses.replace(self, log=self.log.shortened(minutes))
+
     def merged(self, tools):
         merged = {section: dict(keys) for section, keys in tools.configuration.items()}
         for section, key, value in self.configuration:
@@ -210,17 +226,24 @@ class Outcome:
 # --- cache --------------------------------------------------------------------------------------------------------
 
 class Cache:
-    """logs/KEY while needed, truth/KEY.tum.gz, runs/KEY for ever, times.json. One command at a time."""
+    """logs/KEY while needed, truth/KEY.tum.gz, runs/KEY for ever, times.json. Who only reads needs no lock."""
 
     def __init__(self, folder):
         self.folder = pathlib.Path(folder)
+        self.lock_file = None
         for name in ("logs", "truth", "runs", "aside", "pictures"):
             (self.folder / name).mkdir(parents=True, exist_ok=True)
 
-    def clean(self):
-        """What a killed command left half done."""
+    def lock(self):
+        """For one command at a time; False if another has it. Removes what a killed one left half done."""
+        self.lock_file = open(self.folder / "lock", "wb")
+        try:
+            fcntl.flock(self.lock_file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
         for leftover in (self.folder / "aside").iterdir():
             shutil.rmtree(leftover)
+        return True
 
     def aside(self, name):
         folder = self.folder / "aside" / name

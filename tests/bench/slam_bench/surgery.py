@@ -21,7 +21,6 @@ KIDNAP_M = 8.0       # at least so far away it is put down
 MOVING_M_S = 0.5
 RECOVERED_M = 0.03   # RMSE
 PERSON_M = 0.25      # radius
-SENSOR_STEP_RAD = math.radians(0.25)
 
 
 def operate(operation, folder, seed, *arguments):
@@ -38,7 +37,7 @@ def operate(operation, folder, seed, *arguments):
     else:
         end_s = begin_s + float(arguments[0])
         if operation == "blind":
-            change = lambda ranges, age: ["0"] * len(ranges)
+            change = lambda ranges, *_: ["0"] * len(ranges)
         elif operation == "crowd":
             change = Crowd(random_numbers).hide
         elif operation != "lost":
@@ -58,7 +57,8 @@ def operate(operation, folder, seed, *arguments):
             elif begin_s <= stamp < end_s:
                 if keep:
                     n = int(fields[8])
-                    target.write(" ".join(changed(fields, change(fields[9:9 + n], stamp - begin_s))) + "\n")
+                    target.write(" ".join(changed(fields, change(fields[9:9 + n], float(fields[2]), float(fields[4]),
+                                                                  stamp - begin_s))) + "\n")
             else:
                 if stamp >= end_s:
                     fields[-1] = fields[-3] = f"{stamp - cut_s:.6f}"
@@ -106,17 +106,17 @@ class Crowd:
                         numbers.uniform(0.5, 1.5)) for _ in range(people)]
         self.numbers = numbers
 
-    def hide(self, ranges, age_s):
+    def hide(self, ranges, first, step, age_s):
+        """The ranges with people in front; the first beam's direction and the step in rad."""
         shown = list(ranges)
-        first = -0.5 * (len(ranges) - 1) * SENSOR_STEP_RAD
         for direction, distance, phase, pace in self.people:
             direction += 0.15 * math.sin(pace * age_s + phase)
             distance += 0.2 * math.sin(0.7 * pace * age_s + 2.0 * phase)
             half = math.asin(PERSON_M / distance)
-            low = max(0, math.ceil((direction - half - first) / SENSOR_STEP_RAD))
-            high = min(len(ranges) - 1, math.floor((direction + half - first) / SENSOR_STEP_RAD))
+            low = max(0, math.ceil((direction - half - first) / step))
+            high = min(len(ranges) - 1, math.floor((direction + half - first) / step))
             for beam in range(low, high + 1):
-                off = first + beam * SENSOR_STEP_RAD - direction
+                off = first + beam * step - direction
                 reach = distance * math.cos(off) - math.sqrt(max(0.0, PERSON_M ** 2 - (distance * math.sin(off)) ** 2))
                 reach += self.numbers.gauss(0.0, 0.01)
                 if not 0.0 < float(shown[beam]) <= reach:
