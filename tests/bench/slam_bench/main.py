@@ -187,8 +187,8 @@ def main(words):
         try:
             failures = work.execute(jobs, cache, tools, arguments.jobs, arguments.keep_logs)
         except KeyboardInterrupt:
-            print("interrupted: start again to go on", file=sys.stderr)
-            return 130
+            print("interrupted: start again to go on", file=sys.stderr, flush=True)
+            os._exit(130)  # at once: the programs that run die with us
     table = Table(selected, arguments, cache, tools, impossible, failures)
     table.pictures(cache.folder / "pictures")
     page.print_lines(table.lines)

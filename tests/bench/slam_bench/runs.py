@@ -49,10 +49,10 @@ def hash_of(value):
 
 
 def call(arguments, limit_s, log):
-    """Runs a program nicely; its words go into the file `log`. Raises Failed with the last of them."""
+    """Runs a program nicely, no longer than we live; its words go into the file `log`. Raises Failed with the last of them."""
     with open(log, "wb") as words:
         try:
-            status = subprocess.run(["nice", "-n", "19", *map(str, arguments)], stdin=subprocess.DEVNULL, stdout=words,
+            status = subprocess.run(["setpriv", "--pdeathsig", "KILL", "nice", "-n", "19", *map(str, arguments)], stdin=subprocess.DEVNULL, stdout=words,
                                     stderr=subprocess.STDOUT, timeout=limit_s, check=False).returncode
         except subprocess.TimeoutExpired:
             status = f"none after {limit_s} s"

@@ -89,11 +89,7 @@ def execute(jobs, cache, tools, threads, keep_logs):
         if not keep_logs:
             cache.drop_log(job.log_key)
 
-    with concurrent.futures.ThreadPoolExecutor(threads) as pool:
-        try:
-            for done in concurrent.futures.as_completed([pool.submit(execute_one, job) for job in jobs]):
-                done.result()
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
+    pool = concurrent.futures.ThreadPoolExecutor(threads)
+    for done in concurrent.futures.as_completed([pool.submit(execute_one, job) for job in jobs]):
+        done.result()
     return failures
