@@ -137,12 +137,18 @@ class Table:
 
 
 def print_slips(table):
+    """Of the runs of rows that miss something: where tracking went wrong."""
+    missed = {line.row for line in table.lines if "MISSED" in line.cells}
+    shown = set()
     for label, (row, _, outcome) in table.outcomes.items():
         slips = outcome.score.get("slips") or []
-        if slips and not row.name.startswith("ablation"):
-            print(f"{label}: worst point {outcome.score['worst_m']:.3f} m at {outcome.score['worst_at_s']:.1f} s")
-            for slip in slips:
-                print("    " + slip)
+        if row.name not in missed or not slips or outcome.key in shown:
+            continue
+        shown.add(outcome.key)
+        x, y = outcome.score["worst_at_m"]
+        print(f"{label}: worst point {outcome.score['worst_m']:.3f} m off, {outcome.score['worst_at_s']:.1f} s, ({x}, {y}); slips:")
+        for slip in slips:
+            print("    " + slip)
 
 
 def print_quality(table):

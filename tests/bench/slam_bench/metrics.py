@@ -92,7 +92,7 @@ def length_error(pairs):
 def slips(estimate, truth, most=5):
     """Where tracking slips, in words, worst first: stretches of steps of 0.2 s that are each off by 8 mm or 0.25 deg.
 
-    For the filter's trajectory: what the graph mends later is still seen.
+    For the filter's trajectory: what the graph mends later is still seen. A single step is the graph's correction.
     """
     matched = with_truth(estimate, truth)
     step = 8
