@@ -209,22 +209,22 @@ exec {SUBMAPCTL.resolve()} "$@"
                         if call.startswith(f"{word} ") and "/dev/null" not in call and "--help" not in call]
 
     def test_killed_in_the_middle_it_goes_on_and_what_is_done_is_not_done_again(self):
-        wanted = ("--rows", "office,intel-used,workers", "--seeds", "1", "--minutes", "0.2")
+        wanted = ("--rows", "office-empty,intel-used,workers", "--seeds", "1", "--minutes", "0.2")
         (self.folder / "kill").touch()
         result, calls = self.slam(*wanted)
         self.assertEqual((result.returncode, calls), (-9, ["simulate", "replay"]), result.stderr)
         result, calls = self.slam(*wanted)
         self.assertEqual((result.returncode, calls), (0, ["replay"]), result.stderr)
         table = result.stdout
-        self.assertRegex(table, r"office +RMSE cm +0\.\d\d +0\.\d\d +≤ 1 +≤ 0.5 +(goal|met) +1 of 5")
+        self.assertRegex(table, r"office-empty +RMSE cm +0\.\d\d +0\.\d\d +≤ 1 +≤ 0.5 +(goal|met) +1 of 5")
         self.assertRegex(table, r"intel-used .*no data: SUBMAPD_DATA is not set")
         self.assertRegex(table, r"workers .*not built")
         self.assertEqual(list((self.folder / "cache" / "logs").iterdir()), [])
-        self.assertTrue((self.folder / "cache" / "pictures" / "office-seed-1.png").exists())
+        self.assertTrue((self.folder / "cache" / "pictures" / "office-empty-seed-1.png").exists())
         result, calls = self.slam(*wanted)
         self.assertEqual((result.stdout, calls), (table, []))
         listed, calls = self.slam(*wanted, "--list")
-        self.assertRegex(listed.stdout, r"office .*1 of 1 runs done")
+        self.assertRegex(listed.stdout, r"office-empty .*1 of 1 runs done")
 
     def test_bad_usage_is_told(self):
         for words in (("--rows", "offise"), ("--seeds", "0"), ("--submapctl", "/none"), ("--readme", "--minutes", "1")):
