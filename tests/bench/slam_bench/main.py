@@ -124,8 +124,12 @@ class Table:
                 self.complete.add(row.name)
 
     def pictures(self, folder):
-        """Links to the maps under names for people."""
+        """Links to the maps under names for people; a run of several rows has that of the first."""
+        shown = set()
         for label, (_, _, outcome) in self.outcomes.items():
+            if outcome.key in shown:
+                continue
+            shown.add(outcome.key)
             target = folder / (label.replace(" ", "-").replace("=", "") + ".png")
             target.unlink(missing_ok=True)
             os.link(outcome.folder / "map.png", target)
