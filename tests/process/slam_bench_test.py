@@ -220,7 +220,7 @@ exec {SUBMAPCTL.resolve()} "$@"
         self.assertRegex(table, r"intel-used .*no data: SUBMAPD_DATA is not set")
         self.assertRegex(table, r"workers .*not built")
         self.assertEqual(list((self.folder / "cache" / "logs").iterdir()), [])
-        self.assertTrue((self.folder / "cache" / "pictures" / "office-empty-seed-1.png").exists())
+        self.assertTrue((self.folder / "cache" / "pictures" / "office-empty-seed-1-0.2-min.png").exists())
         result, calls = self.slam(*wanted)
         self.assertEqual((result.stdout, calls), (table, []))
         listed, calls = self.slam(*wanted, "--list")

@@ -84,7 +84,9 @@ def runs_of(row, arguments):
     """[(seed, name for people, name within the row, Run)]"""
     if row.missing:
         return []
-    return [(seed, f"{row.name} seed {seed}" + (f" {name}" if name != "run" else ""), name, run.shortened(arguments.minutes))
+    cut = "" if arguments.minutes is None else f" {arguments.minutes:g} min"
+    return [(seed, f"{row.name} seed {seed}" + (f" {name}" if name != "run" else "") + cut, name,
+             run.shortened(arguments.minutes))
             for seed in seeds_of(row, arguments.seeds) for name, run in row.runs(seed).items()]
 
 

@@ -234,7 +234,7 @@ ROWS = (
                       "large": Run(Simulated(AIRPORT, seed, ("--minutes", "20", "--speed", "3")), cost=300.0)},
         tuple(Figure(f"{name}: RSS MB", measured("peak_rss_mb", run=run), BUDGET_MB, digits=0)
               for name, run in (("6 min", "short"), ("30 min", "long"), ("airport", "large"))) +
-        (Figure("classes at their limit", lambda o: sum(b["peak"] > b["limit"] for x in o.values()
+        (Figure("classes over their limit", lambda o: sum(b["peak"] > b["limit"] for x in o.values()
                                                        for b in x.metrics["bytes"].values()), 0, digits=0),)),
     not_built("memory-8h", "8 h", "tests/soak/memory_soak.py; takes an hour and more"),
     Row("threads", "office 1 min, rbpf of 8: 1, 2, 4 threads",
