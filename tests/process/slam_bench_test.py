@@ -1,5 +1,8 @@
 #!/usr/bin/env python3
-"""tests/bench/slam: its metrics on what is known, and a killed command that goes on. Usage: slam_bench_test.py BENCH SUBMAPCTL"""
+"""tests/bench/slam: its metrics on what is known, and a killed command that goes on.
+
+Usage: slam_bench_test.py BENCH SUBMAPCTL
+"""
 import json
 import math
 import os
@@ -18,9 +21,10 @@ from slam_bench import carmen_sparse, metrics, page, surgery  # pylint: disable=
 
 
 def drive(n=400):
-    """A lap of a circle of 10 m and back half of it, 40 poses a second."""
+    """Half a circle of 10 m radius and some of it back, 40 poses a second."""
     angles = [0.01 * min(i, 600 - i) for i in range(n)]
-    return [(0.025 * i, 10 * math.cos(a), 10 * math.sin(a), metrics.wrap(a + math.pi / 2)) for i, a in enumerate(angles)]
+    return [(0.025 * i, 10 * math.cos(a), 10 * math.sin(a), metrics.wrap(a + math.pi / 2))
+            for i, a in enumerate(angles)]
 
 
 def elsewhere(poses, place):

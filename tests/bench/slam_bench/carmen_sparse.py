@@ -1,9 +1,9 @@
 """Recorded logs with one scan a metre and corrected poses: odometry made from those poses that drifts, and the metric.
 
-The scans are too sparse for matching without a prior, so the poses become one: each motion between two scans gets noise
-like a differential drive's (that of the simulator), and a run keeps one scale error. Neighbouring scans then drift apart
-by centimetres and the run by metres, as raw odometry does; the corrected poses stay the reference. Stamps are made anew
-where a log has lost them or repeats them.
+The scans are too sparse for matching without a prior, so the poses become one: each motion between two scans gets
+noise like a differential drive's (that of the simulator), and a run keeps one scale error. Neighbouring scans then
+drift apart by centimetres and the run by metres, as raw odometry does; the corrected poses stay the reference. Stamps
+are made anew where a log has lost them or repeats them.
 """
 import gzip
 import json
@@ -145,7 +145,8 @@ def overlap_m2(a, b, a_from_b):
     count = 0
     for column, row in b["known"]:
         x, y = (column + 0.5) * cell, (row + 0.5) * cell
-        count += (math.floor((a_from_b[0] + c * x - s * y) / cell), math.floor((a_from_b[1] + s * x + c * y) / cell)) in known
+        place = (a_from_b[0] + c * x - s * y, a_from_b[1] + s * x + c * y)
+        count += (math.floor(place[0] / cell), math.floor(place[1] / cell)) in known
     return count * cell * cell
 
 

@@ -16,18 +16,25 @@ README = TOP / "tests" / "bench" / "README.md"
 README_HEAD = "| row | kind | figure | median | worst (seed) | must | goal | | runs | measured at |"
 QUALITY_HEAD = "| figure of report.json | rank correlation with the RMSE |"
 
-EPILOG = """Kill it at any time and start it again: only what is missing is run. A run is known by the bytes of the program, the
-log, options and configuration. Logs are dropped when all runs on them are done; truth, trajectories, pictures and figures
-stay in the cache (SUBMAPD_BENCH_CACHE, else ~/.cache/submapd-bench). Recorded logs and plans are in SUBMAPD_DATA.
-Exit status: 0, also if a row misses what it must show; 1 if a run failed; 2 for bad usage; 75 if another one is at work."""
+EPILOG = """Kill it at any time and start it again: only what is missing is run. A run is known by the bytes of the
+program, the log, options and configuration. Logs are dropped when all runs on them are done; truth, trajectories, pictures and
+figures stay in the cache (SUBMAPD_BENCH_CACHE, else ~/.cache/submapd-bench). Recorded logs and plans are in
+SUBMAPD_DATA. Exit status: 0, also if a row misses what it must show; 1 if a run failed; 2 for bad usage; 75 if another
+one is at work."""
+
+
+def default_cache():
+    return pathlib.Path(os.environ.get("XDG_CACHE_HOME") or pathlib.Path.home() / ".cache") / "submapd-bench"
 
 
 def arguments_of(words):
-    parser = argparse.ArgumentParser(prog="tests/bench/slam", description="Runs the rows of the SLAM benchmark and prints "
-                                     "their table.", epilog=EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(prog="tests/bench/slam", epilog=EPILOG,
+                                     description="Runs the rows of the SLAM benchmark and prints their table.",
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rows", action="append", metavar="PATTERN", default=[],
                         help="only rows whose names match, with * and ?; commas or more than once for several")
-    parser.add_argument("--seeds", type=int, metavar="N", help="at most this many seeds a row (default: each row's own)")
+    parser.add_argument("--seeds", type=int, metavar="N",
+                        help="at most this many seeds a row (default: each row's own)")
     parser.add_argument("--minutes", type=float, metavar="M",
                         help="simulate so long instead of what the rows ask for: a first look, not the table")
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="logs worked on at once (default 1)")
@@ -40,9 +47,7 @@ def arguments_of(words):
                         help="submapctl that makes the simulated logs (default: the one that is measured)")
     parser.add_argument("--config", metavar="FILE", type=pathlib.Path, help="configuration under all runs")
     parser.add_argument("--cache", metavar="DIR", type=pathlib.Path,
-                        default=os.environ.get("SUBMAPD_BENCH_CACHE") or
-                        pathlib.Path(os.environ.get("XDG_CACHE_HOME") or pathlib.Path.home() / ".cache") / "submapd-bench",
-                        help="where results are kept")
+                        default=os.environ.get("SUBMAPD_BENCH_CACHE") or default_cache(), help="where results are kept")
     parser.add_argument("--keep-logs", action="store_true", help="keep simulated logs: up to 100 MB each")
     parser.add_argument("--readme", action="store_true", help="write the rows into tests/bench/README.md")
     arguments = parser.parse_args(words)
@@ -152,7 +157,8 @@ def print_slips(table):
             continue
         shown.add(outcome.key)
         x, y = outcome.score["worst_at_m"]
-        print(f"{label}: worst point {outcome.score['worst_m']:.3f} m off, {outcome.score['worst_at_s']:.1f} s, ({x}, {y}); slips:")
+        print(f"{label}: worst point {outcome.score['worst_m']:.3f} m off at {outcome.score['worst_at_s']:.1f} s, "
+              f"({x}, {y}); slips:")
         for slip in slips:
             print("    " + slip)
 
@@ -191,7 +197,9 @@ def main(words):
             runs = [run for _, _, _, run in runs_of(row, arguments)]
             reasons = sorted({impossible[run] for run in runs if run in impossible})
             done = sum(run not in impossible and cache.is_done(run, tools) for run in runs)
-            state = f"not built: {row.missing}" if row.missing else reasons[0] if reasons else f"{done} of {len(runs)} runs done"
+            state = reasons[0] if reasons else f"{done} of {len(runs)} runs done"
+            if row.missing:
+                state = f"not built: {row.missing}"
             print(f"{row.name:20} {row.what:70} {state}")
         return 0
     failures = {}

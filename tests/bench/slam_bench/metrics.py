@@ -10,8 +10,8 @@ import sys
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[3] / "tools"))
 from trajectory_error import interpolate, moved, read_tum, wrap  # pylint: disable=wrong-import-position
 
-__all__ = ["against_relations", "against_truth", "between", "compose", "loops_against_truth", "moved", "pose_at", "read_relations",
-           "read_tum", "slips", "spearman", "wrap"]
+__all__ = ["against_relations", "against_truth", "between", "compose", "loops_against_truth", "moved", "pose_at",
+           "read_relations", "read_tum", "slips", "spearman", "wrap"]
 
 LONGEST_GAP_S = 1.0   # of the truth that is interpolated over
 SLICES = 20           # of the run's time, each with its RMSE: where it goes wrong
@@ -47,7 +47,7 @@ def size(points):
 
 
 def against_truth(estimate, truth):
-    """Figures after the best rigid alignment; the scale is that of a similarity fitted apart. None if nothing matches."""
+    """Figures after the best rigid alignment; the scale is that of a similarity fitted apart. None: nothing matches."""
     matched = with_truth(estimate, truth)
     if len(matched) < 2:
         return None

@@ -35,7 +35,7 @@ def verdict(figure, worst):
 
 
 def lines_of(row, by_seed, problem):
-    """Lines of a row. by_seed: {seed: {run name: Outcome}} of the seeds that are complete; problem: why others are not."""
+    """Lines of a row. by_seed: {seed: {run name: Outcome}} of complete seeds; problem: why others are not."""
     if not by_seed:
         return [Line(row.name, (row.name, row.what, "", "", "", "", problem or "not run", ""))]
     lines = []

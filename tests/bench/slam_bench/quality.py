@@ -1,4 +1,4 @@
-"""Do the figures of report.json, which know no truth, tell good runs from bad ones? Rank correlation with the true error."""
+"""Do report.json's figures, which know no truth, tell good runs from bad ones? Rank correlation with the true error."""
 import statistics
 
 from . import metrics
@@ -24,7 +24,8 @@ def residual(report, key):
 
 
 def correlations(outcomes):
-    """[(figure, rank correlation with the RMSE)] over Outcomes with a true error."""
+    """(number of Outcomes with a true error, [(figure, rank correlation with the RMSE)])"""
     known = [o for o in outcomes if o.score.get("rmse_m") is not None]
     errors = [o.score["rmse_m"] for o in known]
-    return len(known), [(name, metrics.spearman([value(o.report) for o in known], errors)) for name, value in FIGURES.items()]
+    return len(known), [(name, metrics.spearman([value(o.report) for o in known], errors))
+                        for name, value in FIGURES.items()]

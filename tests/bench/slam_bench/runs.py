@@ -1,8 +1,9 @@
 """Logs, runs of the program on them, and the cache that knows which of them are done.
 
-A run's key is a hash of everything that decides its result: the program's bytes (not the commit: a dirty tree is a program
-of its own, a commit that changes no code is not), the log, the options, the configuration. A simulated log's key is
-the simulator's bytes and its options, a made one's that of the log it is made from and of the scripts that make it.
+A run's key is a hash of everything that decides its result: the program's bytes (not the commit: a dirty tree is a
+program of its own, a commit that changes no code is not), the log, the options, the configuration. A simulated log's
+key is the simulator's bytes and its options, a made one's that of the log it is made from and of the scripts that make
+it.
 Everything is written aside and renamed, so whatever exists is whole and a command that was killed goes on where it was.
 """
 import dataclasses
@@ -49,11 +50,12 @@ def hash_of(value):
 
 
 def call(arguments, limit_s, log):
-    """Runs a program nicely, no longer than we live; its words go into the file `log`. Raises Failed with the last of them."""
+    """Runs a program nicely, no longer than we live; its words go into the file `log`. Raises Failed."""
     with open(log, "wb") as words:
         try:
-            status = subprocess.run(["setpriv", "--pdeathsig", "KILL", "nice", "-n", "19", *map(str, arguments)], stdin=subprocess.DEVNULL, stdout=words,
-                                    stderr=subprocess.STDOUT, timeout=limit_s, check=False).returncode
+            status = subprocess.run(["setpriv", "--pdeathsig", "KILL", "nice", "-n", "19", *map(str, arguments)],
+                                    stdin=subprocess.DEVNULL, stdout=words, stderr=subprocess.STDOUT, timeout=limit_s,
+                                    check=False).returncode
         except subprocess.TimeoutExpired:
             status = f"none after {limit_s} s"
     if status != 0:
@@ -119,7 +121,8 @@ class Operated:
         return dataclasses.replace(self, base=self.base.shortened(minutes))
 
     def key(self, tools):
-        return hash_of(["operated", self.base.key(tools), self.operation, self.arguments, hash_of_file(surgery.__file__)])
+        return hash_of(["operated", self.base.key(tools), self.operation, self.arguments,
+                        hash_of_file(surgery.__file__)])
 
     def make(self, tools, folder):
         self.base.make(tools, folder)
@@ -133,7 +136,8 @@ class Drifted:
     seed: int
 
     def key(self, tools):
-        return hash_of(["drifted", hash_of_file(tools.data(self.path)), self.seed, hash_of_file(carmen_sparse.__file__)])
+        return hash_of(["drifted", hash_of_file(tools.data(self.path)), self.seed,
+                        hash_of_file(carmen_sparse.__file__)])
 
     def make(self, tools, folder):
         carmen_sparse.write_drifted(tools.data(self.path), self.seed, folder / "log.clf", folder / "truth.tum")
@@ -169,7 +173,8 @@ class Tools:
             words = [str(self.simulator), "simulate", str(self.world(name)), "--out", "/dev/null/none", *options]
             said = subprocess.run(words, capture_output=True, text=True, check=False, timeout=600)
             # The folder cannot be written: whoever complains about it understood all the rest.
-            self.worlds[asked] = "" if "/dev/null/none" in said.stderr else (said.stderr.strip() or "fails").splitlines()[0]
+            complaint = (said.stderr.strip() or "fails").splitlines()[0]
+            self.worlds[asked] = "" if "/dev/null/none" in complaint else complaint
         if self.worlds[asked]:
             raise NotBuilt(f"not built: {self.worlds[asked]}")
 
