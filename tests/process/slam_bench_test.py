@@ -183,9 +183,10 @@ class PageTest(unittest.TestCase):
             path = pathlib.Path(folder, "README.md")
             path.write_text("before\n<!-- t: begin -->\n| h |\n|---|\n| `b` | old |\n|  | second |\n| `c` | old |\n"
                             "<!-- t: end -->\nafter\n")
-            page.rewrite(path, "t", {"c": ["| `c` | new |"], "a": ["| `a` | new |"]}, ["a", "b", "c"], "| h | i |")
+            page.rewrite(path, "t", {"c": ["| `c` | new |"], "a": ["| `a` | new |"]}, ["a", "b", "c", "d"], "| h | i |",
+                         {"a": ["| `a` | none |"], "b": ["| `b` | none |"], "d": ["| `d` | none |"]})
             self.assertEqual(path.read_text(), "before\n<!-- t: begin -->\n| h | i |\n|---|---|\n| `a` | new |\n"
-                             "| `b` | old |\n|  | second |\n| `c` | new |\n<!-- t: end -->\nafter\n")
+                             "| `b` | old |\n|  | second |\n| `c` | new |\n| `d` | none |\n<!-- t: end -->\nafter\n")
 
 
 class CommandTest(unittest.TestCase):

@@ -17,10 +17,10 @@ README_HEAD = "| row | kind | figure | median | worst (seed) | must | goal | | r
 QUALITY_HEAD = "| figure of report.json | rank correlation with the RMSE |"
 
 EPILOG = """Kill it at any time and start it again: only what is missing is run. A run is known by the bytes of the
-program, the log, options and configuration. Logs are dropped when all runs on them are done; truth, trajectories, pictures and
-figures stay in the cache (SUBMAPD_BENCH_CACHE, else ~/.cache/submapd-bench). Recorded logs and plans are in
-SUBMAPD_DATA. Exit status: 0, also if a row misses what it must show; 1 if a run failed; 2 for bad usage; 75 if another
-one is at work."""
+program, the log, options and configuration. Logs are dropped when all runs on them are done; truth,
+trajectories, pictures and figures stay in the cache (SUBMAPD_BENCH_CACHE, else ~/.cache/submapd-bench).
+Recorded logs and plans are in SUBMAPD_DATA. Exit status: 0, also if a row misses what it must show; 1 if a
+run failed; 2 for bad usage; 75 if another one is at work."""
 
 
 def default_cache():
@@ -224,7 +224,9 @@ def main(words):
 def write_readme(table, found):
     kinds = {row.name: "simulated" if row.simulated else "recorded" for row in rows.ROWS}
     fresh = page.markdown([line for line in table.lines if line.row in table.complete], kinds, commit())
-    page.rewrite(README, "table", fresh, [row.name for row in rows.ROWS], README_HEAD)
+    unknown = page.markdown([page.lines_of(row, {}, row.missing and f"not built: {row.missing}")[0]
+                             for row in rows.ROWS], kinds, "")
+    page.rewrite(README, "table", fresh, [row.name for row in rows.ROWS], README_HEAD, unknown)
     if found:
         lines = {name: [f"| `{name}` | {'-' if value is None or not math.isfinite(value) else f'{value:+.2f}'} |"]
                  for name, value in found[1]}

@@ -79,8 +79,9 @@ def markdown(lines, kinds, commit):
     return result
 
 
-def rewrite(path, name, fresh, order, head):
-    """Replaces rows of the table between the markers of `name`; those that are not in `fresh` stay as they are."""
+def rewrite(path, name, fresh, order, head, otherwise=None):
+    """Replaces rows of the table between the markers of `name`; those that are not in `fresh` stay as they are, or, if
+    there are none, are those of `otherwise`."""
     page = path.read_text(encoding="utf-8")
     begin, end = f"<!-- {name}: begin -->\n", f"<!-- {name}: end -->\n"
     if begin not in page or end not in page:
@@ -94,7 +95,7 @@ def rewrite(path, name, fresh, order, head):
             current = found.group(1)
         if current and line.startswith("|"):
             kept.setdefault(current, []).append(line)
-    kept.update(fresh)
+    kept = {**(otherwise or {}), **kept, **fresh}
     body = "".join(line + "\n" for row in order for line in kept.get(row, []))
     columns = head.count("|") - 1
     path.write_text(before + begin + head + "\n" + "|" + "---|" * columns + "\n" + body + end + after, encoding="utf-8")

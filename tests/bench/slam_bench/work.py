@@ -50,8 +50,8 @@ class Progress:
 
     def say(self, words):
         left_s = sum(self.left.values()) / self.threads
-        print(f"[{self.total - len(self.left)}/{self.total}] {words}; about {int(left_s) // 60}:{int(left_s) % 60:02} min "
-              "left", file=sys.stderr, flush=True)
+        left = f"about {int(left_s) // 60}:{int(left_s) % 60:02} min left"
+        print(f"[{self.total - len(self.left)}/{self.total}] {words}; {left}", file=sys.stderr, flush=True)
 
     def done(self, key, name, seconds, words):
         with self.lock:
