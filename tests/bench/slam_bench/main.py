@@ -143,7 +143,7 @@ class Table:
 
     def simulated(self):
         """Distinct runs with an exact truth and the whole program."""
-        return list({o.key: o for row, run, o in self.outcomes.values() if row.simulated and run.score == "truth" and
+        return list({o.key: o for row, run, o in self.outcomes.values() if row.simulated and run.score in ("truth", "parts") and
                      not row.name.startswith("ablation")}.values())
 
 
