@@ -221,7 +221,7 @@ exec {SUBMAPCTL.resolve()} "$@"
         result, calls = self.slam(*wanted)
         self.assertEqual((result.returncode, calls), (0, ["replay"]), result.stderr)
         table = result.stdout
-        self.assertRegex(table, r"office-empty +RMSE cm +0\.\d\d +0\.\d\d +≤ 1 +≤ 0.5 +(goal|met) +1 of 5")
+        self.assertRegex(table, r"office-empty +RMSE cm +0\.\d\d +0\.\d\d +≤ 1 +≤ 0.5 +(goal|met) so far +1 of 5")
         self.assertRegex(table, r"intel-used .*no data: SUBMAPD_DATA is not set")
         self.assertRegex(table, r"workers .*not built")
         self.assertEqual(list((self.folder / "cache" / "logs").iterdir()), [])

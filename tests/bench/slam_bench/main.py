@@ -110,7 +110,7 @@ class Table:
     def __init__(self, selected, arguments, cache, tools, impossible, failures):
         self.lines, self.outcomes, self.complete = [], {}, set()
         for row in selected:
-            by_seed, problem = {}, row.missing and f"not built: {row.missing}"
+            by_seed, problem = {}, f"not built: {row.missing}" if row.missing else ""
             for seed in seeds_of(row, arguments.seeds):
                 found = {}
                 runs = [(label, name, run) for s, label, name, run in runs_of(row, arguments) if s == seed]
@@ -143,8 +143,8 @@ class Table:
 
     def simulated(self):
         """Distinct runs with an exact truth and the whole program."""
-        return list({o.key: o for row, run, o in self.outcomes.values() if row.simulated and run.score in ("truth", "parts") and
-                     not row.name.startswith("ablation")}.values())
+        return list({o.key: o for row, run, o in self.outcomes.values() if row.simulated and
+                     run.score in ("truth", "parts") and not row.name.startswith("ablation")}.values())
 
 
 def print_slips(table):
@@ -224,7 +224,7 @@ def main(words):
 def write_readme(table, found):
     kinds = {row.name: "simulated" if row.simulated else "recorded" for row in rows.ROWS}
     fresh = page.markdown([line for line in table.lines if line.row in table.complete], kinds, commit())
-    unknown = page.markdown([page.lines_of(row, {}, row.missing and f"not built: {row.missing}")[0]
+    unknown = page.markdown([page.lines_of(row, {}, f"not built: {row.missing}" if row.missing else "")[0]
                              for row in rows.ROWS], kinds, "")
     page.rewrite(README, "table", fresh, [row.name for row in rows.ROWS], README_HEAD, unknown)
     if found:

@@ -24,14 +24,15 @@ def limit(value, figure):
     return "" if value is None else ("≥ " if figure.at_least else "≤ ") + f"{value:g}"
 
 
-def verdict(figure, worst):
+def verdict(figure, worst, complete):
     def holds(bound):
         return worst >= bound if figure.at_least else worst <= bound
     if worst is None or figure.must is None:
         return ""
-    if figure.goal is not None and holds(figure.goal):
-        return "goal"
-    return "met" if holds(figure.must) else "MISSED"
+    if not holds(figure.must):
+        return "MISSED"
+    words = "goal" if figure.goal is not None and holds(figure.goal) else "met"
+    return words if complete else words + " so far"
 
 
 def lines_of(row, by_seed, problem):
@@ -42,7 +43,7 @@ def lines_of(row, by_seed, problem):
     for figure in row.figures:
         values = {seed: figure.value(outcomes) for seed, outcomes in by_seed.items()}
         known = {seed: v for seed, v in values.items() if v is not None}
-        count = f"{len(known)} of {row.seeds}" + (f"; {problem}" if problem else "")
+        count = f"{len(known)} of {row.seeds}" + (f"; {problem}" if problem not in ("", "not run") else "")
         if not known:
             lines.append(Line(row.name, (row.name, figure.name, "-", "-", limit(figure.must, figure),
                                          limit(figure.goal, figure), "", count)))
@@ -51,8 +52,9 @@ def lines_of(row, by_seed, problem):
         seed = pick(known, key=known.get)
         worst = text(known[seed], figure.digits) + (f" ({seed})" if len(known) > 1 else "")
         median = text(statistics.median(known.values()), figure.digits)
+        judged = verdict(figure, known[seed], len(known) == row.seeds)
         lines.append(Line(row.name, (row.name, figure.name, median, worst, limit(figure.must, figure),
-                                     limit(figure.goal, figure), verdict(figure, known[seed]), count)))
+                                     limit(figure.goal, figure), judged, count)))
     return lines
 
 
