@@ -14,7 +14,7 @@ from .runs import Cache, NotBuilt, Tools, hash_of_file
 TOP = pathlib.Path(__file__).resolve().parents[3]
 README = TOP / "tests" / "bench" / "README.md"
 README_HEAD = "| row | kind | figure | median | worst (seed) | must | goal | | runs | measured at |"
-QUALITY_HEAD = "| figure of report.json | rank correlation with the RMSE |"
+QUALITY_HEAD = "| figure of report.json | rank correlation with the RMSE of {} runs |"
 
 EPILOG = """Kill it at any time and start it again: only what is missing is run. A run is known by the bytes of the
 program, the log, options and configuration. Logs are dropped when all runs on them are done; truth,
@@ -228,6 +228,8 @@ def write_readme(table, found):
                              for row in rows.ROWS], kinds, "")
     page.rewrite(README, "table", fresh, [row.name for row in rows.ROWS], README_HEAD, unknown)
     if found:
+        if found[0] < 10:
+            return  # not the whole table
         lines = {name: [f"| `{name}` | {'-' if value is None or not math.isfinite(value) else f'{value:+.2f}'} |"]
                  for name, value in found[1]}
-        page.rewrite(README, "quality", lines, list(lines), QUALITY_HEAD)
+        page.rewrite(README, "quality", lines, list(lines), QUALITY_HEAD.format(found[0]))
