@@ -1,6 +1,5 @@
 """tests/bench/slam: command line, and from the rows to the table."""
 import argparse
-import math
 import os
 import pathlib
 import shutil
@@ -14,7 +13,8 @@ from .runs import Cache, NotBuilt, Tools, hash_of_file
 TOP = pathlib.Path(__file__).resolve().parents[3]
 README = TOP / "tests" / "bench" / "README.md"
 README_HEAD = "| row | kind | figure | median | worst (seed) | must | goal | | runs | measured at |"
-QUALITY_HEAD = "| figure of report.json | rank correlation with the RMSE of {} runs |"
+QUALITY_HEAD = "| figure of report.json | rank correlation with the RMSE | runs |"
+FEWEST_RUNS = 10  # that a rank correlation is told of
 
 EPILOG = """Kill it at any time and start it again: only what is missing is run. A run is known by the bytes of the
 program, the log, options and configuration. Logs are dropped when all runs on them are done; truth,
@@ -163,14 +163,14 @@ def print_slips(table):
             print("    " + slip)
 
 
-def print_quality(table):
-    count, found = quality.correlations(table.simulated())
-    if count < 3:
-        return None
-    print(f"\nreport.json against the true RMSE over {count} simulated runs (Spearman):")
-    for name, value in found:
-        print(f"  {name:30} {'-' if value is None else f'{value:+.2f}'}")
-    return count, found
+def print_quality(found):
+    print("\nreport.json against the true RMSE of the simulated runs (Spearman):")
+    for name, value, runs in found:
+        print(f"  {name:30} {shown(value):>6} over {runs} runs")
+
+
+def shown(correlation):
+    return "-" if correlation is None else f"{correlation:+.2f}"
 
 
 def main(words):
@@ -214,7 +214,9 @@ def main(words):
     page.print_lines(table.lines)
     print()
     print_slips(table)
-    found = print_quality(table)
+    found = quality.correlations(table.simulated())
+    if max(runs for _, _, runs in found) >= FEWEST_RUNS:
+        print_quality(found)
     print(f"\npictures: {cache.folder / 'pictures'}")
     if arguments.readme:
         write_readme(table, found)
@@ -227,9 +229,6 @@ def write_readme(table, found):
     unknown = page.markdown([page.lines_of(row, {}, f"not built: {row.missing}" if row.missing else "")[0]
                              for row in rows.ROWS], kinds, "")
     page.rewrite(README, "table", fresh, [row.name for row in rows.ROWS], README_HEAD, unknown)
-    if found:
-        if found[0] < 10:
-            return  # not the whole table
-        lines = {name: [f"| `{name}` | {'-' if value is None or not math.isfinite(value) else f'{value:+.2f}'} |"]
-                 for name, value in found[1]}
-        page.rewrite(README, "quality", lines, list(lines), QUALITY_HEAD.format(found[0]))
+    if max(runs for _, _, runs in found) >= FEWEST_RUNS:
+        lines = {name: [f"| `{name}` | {shown(value)} | {runs} |"] for name, value, runs in found}
+        page.rewrite(README, "quality", lines, list(lines), QUALITY_HEAD)

@@ -13,19 +13,21 @@ FIGURES = {
     "breaks": lambda r: r["breaks"],
     "loop residual, median m": lambda r: residual(r, "distance_m"),
     "loop residual, median sigmas": lambda r: residual(r, "sigmas"),
-    "loop contradiction, largest": lambda r: max((x["contradiction"] for x in r["loops"]["residuals"]), default=0.0),
-    "loops pending of all": lambda r: r["loops"]["pending"] / max(1, r["loops"]["pending"] + r["loops"]["confirmed"]),
+    "loop contradiction, largest": lambda r: max((x["contradiction"] for x in r["loops"]["residuals"]), default=None),
+    "loops confirmed a sub-map": lambda r: r["loops"]["confirmed"] / max(1, len(r["submaps"])),
 }
 
 
 def residual(report, key):
     values = [loop[key] for loop in report["loops"]["residuals"]]
-    return statistics.median(values) if values else 0.0
+    return statistics.median(values) if values else None
 
 
 def correlations(outcomes):
-    """(number of Outcomes with a true error, [(figure, rank correlation with the RMSE)])"""
-    known = [o for o in outcomes if o.score.get("rmse_m") is not None]
-    errors = [o.score["rmse_m"] for o in known]
-    return len(known), [(name, metrics.spearman([value(o.report) for o in known], errors))
-                        for name, value in FIGURES.items()]
+    """[(figure, rank correlation with the RMSE or None, runs that have both)]"""
+    found = []
+    for name, value in FIGURES.items():
+        pairs = [(value(o.report), o.score["rmse_m"]) for o in outcomes if o.score.get("rmse_m") is not None]
+        pairs = [pair for pair in pairs if pair[0] is not None]
+        found.append((name, metrics.spearman([x for x, _ in pairs], [y for _, y in pairs]), len(pairs)))
+    return found
