@@ -1,14 +1,14 @@
 """Accidents: takes a simulated CARMEN log and its truth, and lets something happen in the middle.
 
-    kidnap GAP_S    the cart is lifted and put down where it will be later on: scans in between are cut out, and time goes
-                    on GAP_S later
+    kidnap GAP_S    the cart is lifted and put down where it will be later on: scans in between are cut out, and time
+                    goes on GAP_S later
     carried         the same, but it is carried there blindly: the scanner sees nothing for 5 s
     blind SECONDS   no beam returns
     lost SECONDS    no scan arrives
-    crowd SECONDS   people stand and shuffle around the cart and go along with it, two thirds of all beams end at them
+    crowd SECONDS   people stand and shuffle around the cart and go along with it, half of all beams or more end at them
 
-The instant is the first after 40 % of the run at which the cart moves. Whether a run recovered is judged by its two parts:
-each alone, and both together in one frame.
+The instant is the first after 40 % of the run at which the cart moves. Whether a run recovered is judged by its two
+parts: each alone, and both together in one frame.
 """
 import json
 import math
@@ -45,7 +45,8 @@ def operate(operation, folder, seed, *arguments):
     # What is cut out of time, but for the gap.
     cut_s = end_s - begin_s - gap_s if operation in ("kidnap", "carried") else 0.0
     keep = operation in ("blind", "crowd")
-    with open(folder / "log.clf", encoding="ascii") as source, open(folder / "operated", "w", encoding="ascii") as target:
+    with (open(folder / "log.clf", encoding="ascii") as source,
+          open(folder / "operated", "w", encoding="ascii") as target):
         for line in source:
             if not line.startswith("ROBOTLASER1"):
                 target.write(line)
