@@ -112,7 +112,8 @@ def slips(estimate, truth, most=5):
         found.append((math.hypot(off[0], off[1]) + 10.0 * abs(off[2]),
                       f"{matched[i][0] - truth[0][0]:.1f} to {matched[j][0] - truth[0][0]:.1f} s: {off[0]:+.3f} m, "
                       f"{off[1]:+.3f} m, {math.degrees(off[2]):+.2f} deg on a true way of "
-                      f"{true[0]:.1f}, {true[1]:.1f} m, {math.degrees(true[2]):.0f} deg from ({x:.1f}, {y:.1f}; {math.degrees(yaw):.0f} deg)"))
+                      f"{true[0]:.1f}, {true[1]:.1f} m, {math.degrees(true[2]):.0f} deg from "
+                      f"({x:.1f}, {y:.1f}; {math.degrees(yaw):.0f} deg)"))
     found.sort(reverse=True)
     return [words for _, words in found[:most]]
 
