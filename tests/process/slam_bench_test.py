@@ -8,6 +8,7 @@ import math
 import os
 import pathlib
 import random
+import struct
 import subprocess
 import sys
 import tempfile
@@ -107,6 +108,24 @@ class SparseTest(unittest.TestCase):
                  for a, b, c, d in zip(poses, poses[1:], odometry, odometry[1:])]
         self.assertLess(sum(math.hypot(x, y) for x, y, _ in steps) / len(steps), 0.2)
         self.assertGreater(math.dist(odometry[-1][:2], poses[-1][:2]), 0.2)
+
+    def test_a_submap_file_is_read(self):
+        keyframe = struct.pack("<Qqddd", 7, 1_500_000, 0.5, -0.25, 0.1) + bytes(24 + 72 + 1 + 40 + 24)
+        keyframe += struct.pack("<I", 3) + bytes(6)
+        seen = bytearray(4096)
+        for row in range(8, 16):  # one coarse cell whole, the next one by a quarter
+            seen[64 * row:64 * row + 10] = bytes([200]) * 10
+        sections = [bytes(32) + struct.pack("<I", 5) + bytes(25) + struct.pack("<d?", 0.05, True),
+                    struct.pack("<I", 2) + keyframe + keyframe,
+                    struct.pack("<I", 2) + struct.pack("<ii", -1, 2) + seen + struct.pack("<ii", 0, 2) + bytes(4096),
+                    struct.pack("<I", 0)]
+        body = b"".join(struct.pack("<IIQ", n, 0, len(s)) + s for n, s in enumerate(sections, 1))
+        with tempfile.TemporaryDirectory() as folder:
+            path = pathlib.Path(folder, "000005.submap")
+            path.write_bytes(struct.pack("<8sIIQ", b"SUBMAPD\n", 1, 4, 24 + len(body) + 4) + body + bytes(4))
+            index, keyframes, cell_m, known = carmen_sparse.read_submap(path)
+        self.assertEqual((index, cell_m, known), (5, 0.05, [(-8, 17)]))
+        self.assertEqual(keyframes, [(1.5, 0.5, -0.25, 0.1)] * 2)
 
     def test_closed_pairs_are_judged_by_the_reference(self):
         truth = drive()

@@ -119,6 +119,8 @@ def read_submap(path):
         bx, by = struct.unpack_from("<ii", sections[3], at)
         cells = bytes(sections[3][at + 8:at + 8 + BLOCK * BLOCK])
         at += 8 + BLOCK * BLOCK
+        if cells.count(0) == len(cells):
+            continue
         for row in range(side):
             for column in range(side):
                 first = COARSE * (BLOCK * row + column)
