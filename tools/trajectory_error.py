@@ -47,20 +47,26 @@ def interpolate(poses, stamps, stamp, max_gap_s):
     return x0 + share * (x1 - x0), y0 + share * (y1 - y0), yaw0 + share * wrap(yaw1 - yaw0)
 
 
-def rmse(pairs):
-    """(position in m, heading in rad) after moving the estimate onto the truth. pairs: [(estimate, truth)]"""
+def moved(pairs, poses=None):
+    """Poses (by default the estimates) after the rigid motion that moves the estimates onto the truth: [(x, y, yaw)].
+    pairs: [(estimate, truth)]"""
     n = len(pairs)
     ex, ey, tx, ty = (sum(p[i][j] for p in pairs) / n for i, j in ((0, 0), (0, 1), (1, 0), (1, 1)))
     dot = sum((e[0] - ex) * (t[0] - tx) + (e[1] - ey) * (t[1] - ty) for e, t in pairs)
     cross = sum((e[0] - ex) * (t[1] - ty) - (e[1] - ey) * (t[0] - tx) for e, t in pairs)
     turn = math.atan2(cross, dot)
     c, s = math.cos(turn), math.sin(turn)
+    return [(tx + c * (e[0] - ex) - s * (e[1] - ey), ty + s * (e[0] - ex) + c * (e[1] - ey), e[2] + turn)
+            for e in (poses or [e for e, _ in pairs])]
+
+
+def rmse(pairs):
+    """(position in m, heading in rad) after moving the estimate onto the truth. pairs: [(estimate, truth)]"""
     position = heading = 0.0
-    for e, t in pairs:
-        position += (tx + c * (e[0] - ex) - s * (e[1] - ey) - t[0]) ** 2
-        position += (ty + s * (e[0] - ex) + c * (e[1] - ey) - t[1]) ** 2
-        heading += wrap(e[2] + turn - t[2]) ** 2
-    return math.sqrt(position / n), math.sqrt(heading / n)
+    for estimate, (_, truth) in zip(moved(pairs), pairs):
+        position += (estimate[0] - truth[0]) ** 2 + (estimate[1] - truth[1]) ** 2
+        heading += wrap(estimate[2] - truth[2]) ** 2
+    return math.sqrt(position / len(pairs)), math.sqrt(heading / len(pairs))
 
 
 def main():

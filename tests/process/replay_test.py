@@ -11,7 +11,7 @@ import unittest
 SUBMAPCTL = sys.argv.pop(1)
 
 FILES = ["trajectory.tum", "trajectory_filter.tum", "map.pgm", "map.yaml", "map.png", "graph.g2o", "submaps",
-         "metrics.json"]
+         "metrics.json", "report.json"]
 # Keys of metrics.json that design section 7 promises.
 METRICS = {
     "scans": None, "scans_dropped": None, "log_s": None, "wall_s": None, "cpu_s": None, "realtime_factor": None,
@@ -64,6 +64,9 @@ class ReplayTest(unittest.TestCase):
         for tag in ("VERTEX_SE2 ", "EDGE_SE2 ", "FIX "):
             self.assertIn(tag, graph)
         self.check_metrics(json.loads((one / "metrics.json").read_text()), scans)
+        report = json.loads((one / "report.json").read_text())
+        self.assertEqual(len(report["submaps"]), len(list((one / "submaps").iterdir())))
+        self.assertEqual(len(report["matches"]), report["loops"]["confirmed"])
         for threads in (2, 4):
             self.assert_same(one, self.replay(f"threads{threads}", "--threads", threads))
 

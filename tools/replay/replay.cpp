@@ -21,6 +21,7 @@
 #include "slam/submap/submap_archive.hpp"
 #include "tools/log/log_reader.hpp"
 #include "tools/replay/metrics.hpp"
+#include "tools/replay/replay_report.hpp"
 
 namespace submapd::tools {
 namespace {
@@ -244,6 +245,9 @@ Expected<ReplayResult> replay(const ReplayOptions& options,
                            .marks = {}};
   const Expected<RunOutputsSummary> written = write_run_outputs(outputs);
   if (!written) return failure(written.error());
+  if (Status status = write_replay_report(options.out / "report.json", written->quality, *result); !status.ok()) {
+    return failure(status);
+  }
   metrics.path_m = written->path_m;
   metrics.bytes.push_back(written->raster);
   metrics.wall_s = seconds_since(start);

@@ -1,0 +1,265 @@
+"""The rows of the table: what is run, what is read off it, what must come out (must) and what is tried for (goal).
+
+A row has runs for each seed and figures over them. Figures see the outcomes of one seed, or of all at once.
+"""
+import dataclasses
+import fnmatch
+import math
+from typing import Callable
+
+from .runs import Drifted, Operated, Recorded, Run, Simulated
+
+AIRPORT = "floorplans/airport_terminal.walls.csv"
+INTEL = Recorded("intel/intel.clf.xz", "intel/intel_exact.relations")
+CSAIL = Recorded("mit-csail/mit-csail.clf.xz", "mit-csail/derived.relations")
+SPARSE = ("aces", "acapulco", "edmonton", "fhw", "freiburg-101", "freiburg-campus", "seattle")
+BUDGET_MB = 160.0
+
+
+@dataclasses.dataclass(frozen=True)
+class Figure:
+    """One line of the table."""
+    name: str
+    value: Callable                # of {run name: Outcome} of one seed, or of a list of those; None: does not say
+    must: float | None = None
+    goal: float | None = None
+    digits: int = 2
+    at_least: bool = False         # larger is better
+    over_all: bool = False         # one value of all seeds
+
+
+@dataclasses.dataclass(frozen=True)
+class Row:
+    """One run of the issue's table."""
+    name: str
+    what: str
+    runs: Callable                 # seed -> {name: Run}
+    figures: tuple
+    seeds: int = 1
+    simulated: bool = True
+    missing: str = ""              # why it cannot be run today, whatever the program
+
+
+def office(seed, minutes=6.0):
+    return Simulated("office", seed, ("--minutes", f"{minutes:g}", "--speed", "3"))
+
+
+def busy_office(seed):
+    return Simulated("office", seed, ("--minutes", "6", "--speed", "3", "--people", "15"))
+
+
+def one(log, cost=30.0, score="truth", options=(), configuration=()):
+    return {"run": Run(log, options, configuration, cost, score)}
+
+
+def scored(key, scale=1.0):
+    def value(outcomes):
+        found = outcomes["run"].score.get(key)
+        return None if found is None else abs(scale * found)
+    return value
+
+
+def measured(*path, run="run", scale=1.0):
+    def value(outcomes):
+        found = outcomes[run].metrics
+        for key in path:
+            found = found[key]
+        return scale * found
+    return value
+
+
+def rmse(must, goal):
+    return Figure("RMSE cm", scored("rmse_m", 100.0), must, goal)
+
+
+WORST = Figure("worst point cm", scored("worst_m", 100.0), 10.0)
+SCALE = Figure("scale error %", scored("scale_error", 100.0), 0.05, digits=3)
+HEADING = Figure("heading deg", scored("heading_rad", math.degrees(1.0)), 0.1, digits=3)
+FALSE_LOOPS = Figure("false loops", lambda o: len(o["run"].score["false_loops"]), 0, digits=0)
+PENDING = Figure("loops pending at the end", measured("loops", "pending"), 0, digits=0)
+LOOPS = Figure("loops confirmed", measured("loops", "confirmed"), digits=0)
+BREAKS = Figure("breaks", measured("breaks"), 0, digits=0)
+
+OFFICE = (rmse(1.0, 0.5), HEADING, WORST, SCALE, LOOPS, FALSE_LOOPS, BREAKS)
+
+
+def world_row(name, world, what, must=3.0, goal=1.5, minutes=None):
+    options = ("--speed", "3") if minutes is None else ("--speed", "3", "--minutes", f"{minutes:g}")
+    return Row(name, what, lambda seed: one(Simulated(world, seed, options), 90.0),
+               (rmse(must, goal), WORST, SCALE, LOOPS, FALSE_LOOPS, BREAKS), seeds=5)
+
+
+def recorded_row(name, log, odometry, must_m, goal_m, must_deg=None, cost=40.0):
+    figures = [Figure("mean error m", scored("mean_m"), must_m, goal_m, digits=4),
+               Figure("mean heading error deg", scored("mean_rad", math.degrees(1.0)), must_deg),
+               Figure("relations matched", lambda o: o["run"].score["matched"] / o["run"].score["relations"], 0.97,
+                      digits=3, at_least=True),
+               Figure("median error m", lambda o: o["run"].score["median_m"], digits=4), BREAKS]
+    return Row(name, f"recorded, odometry {'used' if odometry == 'use' else 'ignored'}",
+               lambda seed: one(log, cost, "relations", ("--odometry", odometry)), tuple(figures), simulated=False)
+
+
+def sparse_row(name):
+    path = f"carmen-sparse/{name}-corrected.log.gz"
+    figures = (Figure("closed pairs that are wrong", lambda o: len(o["run"].score["wrong"]), 0, digits=0),
+               Figure("recall of overlapping pairs", lambda o: o["run"].score["recall"], digits=3, at_least=True),
+               Figure("overlapping pairs", lambda o: o["run"].score["overlapping"], digits=0), LOOPS,
+               Figure("RMSE to the reference m", scored("rmse_m")))
+    return Row(f"sparse-{name}", "recorded scans, made odometry that drifts",
+               lambda seed: one(Drifted(path, seed), 30.0, "pairs", ("--odometry", "use")), figures, seeds=3,
+               simulated=False)
+
+
+def accident_row(name, what, operation, *arguments):
+    def runs(seed):
+        base = Simulated("office", seed, ("--minutes", "4", "--speed", "3"), "clf")
+        return one(Operated(base, operation, arguments), 60.0, "parts")
+
+    def bent(outcomes):
+        outcome = outcomes["run"]
+        kept_apart = outcome.score["parts_whole"] and outcome.report["breaks"] > 0
+        return int(not (outcome.score["recovered"] or kept_apart))
+    figures = (Figure("bent maps", bent, 0, digits=0), rmse(None, None),
+               Figure("RMSE of the worse half cm", lambda o: 100.0 * max(m if m is not None else math.inf
+                                                                        for m in o["run"].score["parts_rmse_m"])),
+               Figure("breaks", measured("breaks"), digits=0))
+    return Row(name, what, runs, figures, seeds=3)
+
+
+# --- corridor -----------------------------------------------------------------------------------------------------
+
+def corridor_row(name, what, *options):
+    figures = (Figure("length error %", scored("length_error", 100.0), 0.5), rmse(None, None),
+               Figure("degenerate s", measured("degenerate_s"), digits=1), BREAKS)
+    return Row(name, what, lambda seed: one(Simulated("corridor", seed, ("--speed", "3", *options)), 60.0), figures,
+               seeds=20)
+
+
+# --- threads, ablation --------------------------------------------------------------------------------------------
+
+def thread_runs(log, *options):
+    return {f"threads{n}": Run(log, ("--threads", str(n), *options), (), 20.0, "none") for n in (1, 2, 4)}
+
+
+def digests_differ(outcomes):
+    return len({tuple(sorted(o.digests.items())) for o in outcomes.values()}) - 1
+
+
+SAME_BITS = (Figure("results that differ from one thread's", digests_differ, 0, digits=0),)
+
+ABLATIONS = {  # name: (options, configuration)
+    "as it is": ((), ()),
+    "no unwarping": ((), (("experiment", "unwarp", False),)),
+    "no second stage": ((), (("experiment", "line_matching", False),)),
+    "N = 1": ((), (("filter", "max_adaptive_particles", 1),)),
+    "N = 30": (("--filter", "rbpf", "--particles", "30"), ()),
+    "no loops": (("--no-loops",), ()),
+}
+
+
+def ablation_row(name, log_of, error, cost, scale, unit, seeds=2):
+    def runs(seed):
+        return {what: Run(log_of(seed), options, configuration, cost, error[1])
+                for what, (options, configuration) in ABLATIONS.items()}
+
+    def error_of(what):
+        return lambda outcomes: scale * outcomes[what].score[error[0]]
+
+    def cpu_of(what):
+        return lambda outcomes: outcomes[what].metrics["scan_cpu_ms"]["mean"]
+    figures = [f for what in ABLATIONS for f in (Figure(f"{what}: error {unit}", error_of(what), digits=2),
+                                                 Figure(f"{what}: CPU ms a scan", cpu_of(what), digits=2))]
+    return Row(name, "what each part buys", runs, tuple(figures), seeds=seeds, simulated=name != "ablation-intel")
+
+
+# --- the table ----------------------------------------------------------------------------------------------------
+
+CPU_ADAPTIVE = (Figure("CPU ms a scan, mean", measured("scan_cpu_ms", "mean"), 0.5, 0.25),
+                Figure("p99", measured("scan_cpu_ms", "p99"), 4.0),
+                Figure("p99.9", measured("scan_cpu_ms", "p999"), 12.0))
+
+
+def not_built(name, what, why):
+    return Row(name, what, lambda seed: {}, (), missing=why)
+
+
+ROWS = (
+    Row("office", "15 people, no odometry, to 3 m/s, 6 min", lambda seed: one(busy_office(seed), 30.0), OFFICE,
+        seeds=5),
+    Row("office-empty", "nobody else, to 3 m/s, 6 min", lambda seed: one(office(seed), 25.0), OFFICE, seeds=5),
+    world_row("mall", "mall", "12 000 m2, glass, crowds, to 3 m/s"),
+    world_row("street", "street", "pedestrian street, 150 m, to 3 m/s"),
+    world_row("car_park", "car_park", "column grid, to 3 m/s"),
+    world_row("ring", "ring", "ring corridor, to 3 m/s"),
+    world_row("twin_wings", "twin_wings", "twin wings, to 3 m/s"),
+    Row("ramp", "ramp and door sills: the scanner tilts; not in the issue's table",
+        lambda seed: one(Simulated("ramp", seed, ("--speed", "3")), 60.0),
+        (rmse(None, None), LOOPS, FALSE_LOOPS, BREAKS), seeds=5),
+    Row("airport", "airport_terminal, 2 060 m in 20 min, no odometry",
+        lambda seed: one(Simulated(AIRPORT, seed, ("--minutes", "20", "--speed", "3")), 300.0),
+        (rmse(4.0, 2.0), Figure("loops confirmed", measured("loops", "confirmed"), 5, digits=0, at_least=True), PENDING,
+         Figure("longest solve s", measured("solver", "ms_max", scale=1e-3), 2.0), FALSE_LOOPS, BREAKS), seeds=2),
+    recorded_row("intel-used", INTEL, "use", 0.038, 0.032, 0.63),
+    recorded_row("intel-ignored", INTEL, "ignore", 0.050, 0.038, cost=150.0),
+    recorded_row("csail-used", CSAIL, "use", 0.043, 0.035, cost=15.0),
+    recorded_row("csail-ignored", CSAIL, "ignore", 0.050, 0.035, cost=40.0),
+    *(sparse_row(name) for name in SPARSE),
+    *(Row(f"loops-{name}", "end to end: false loops over all seeds",
+          lambda seed, world=world: one(Simulated(world, seed, ("--speed", "3")), 90.0),
+          (FALSE_LOOPS, LOOPS, Figure("worst confirmed loop cm", scored("loop_worst_m", 100.0))), seeds=50)
+      for name, world in (("twin_wings", "twin_wings"), ("identical_floors", "identical_floors"),
+                          ("columns", "car_park"))),
+    not_built("loop-trials", "1 000 loop trials each with random priors",
+              "needs a program that draws trials from sub-maps"),
+    corridor_row("corridor", "200 m blank, the tour as it is"),
+    corridor_row("corridor-steady", "200 m blank, exactly steady", "--steady"),
+    corridor_row("corridor-ripple", "200 m blank, 3 % cadence ripple", "--ripple"),
+    corridor_row("corridor-braking", "200 m blank, braking in it", "--braking"),
+    accident_row("kidnap", "put down 8 m away, between two scans", "kidnap", "0"),
+    accident_row("kidnap-10s", "the same, 10 s without scans", "kidnap", "10"),
+    accident_row("carried", "the same, 5 s of scans that see nothing", "carried"),
+    accident_row("blind-2s", "2 s of scans that see nothing, at full speed", "blind", "2"),
+    accident_row("lost-2s", "2 s without scans, at full speed", "lost", "2"),
+    accident_row("crowd-10s", "10 s of 12 people within 1.6 m", "crowd", "10"),
+    Row("nees", "loop matches and bounds of sub-maps, 3 degrees of freedom",
+        lambda seed: {"run": Run(busy_office(seed), cost=30.0), "empty": Run(office(seed), cost=25.0)},
+        (Figure("NEES of confirmed matches (2 to 4)", lambda o: o["run"].score["match_nees"], 4.0),
+         Figure("the same, nobody else there", lambda o: o["empty"].score["match_nees"], 4.0),
+         Figure("NEES of sub-maps by their bound", lambda o: o["run"].score["bound_nees"])), seeds=5),
+    Row("cpu-office", "adaptive, 15 people, 1081 beams at 40 Hz", lambda seed: one(busy_office(seed), 30.0),
+        CPU_ADAPTIVE, seeds=5),
+    Row("cpu-office-rbpf", "rbpf, 30 particles",
+        lambda seed: one(office(seed), 120.0, options=("--filter", "rbpf", "--particles", "30")),
+        (Figure("CPU ms a scan, mean", measured("scan_cpu_ms", "mean"), 6.0), rmse(None, None))),
+    Row("cpu-intel", "adaptive, all 5 438 scans, loops and solves",
+        lambda seed: one(INTEL, 40.0, "relations", ("--odometry", "use")),
+        (Figure("CPU s", measured("cpu_s"), 2.0, 1.0), Figure("CPU ms a scan", measured("scan_cpu_ms", "mean"))),
+        simulated=False),
+    Row("cpu-intel-rbpf", "rbpf, 30 particles, loops and solves",
+        lambda seed: one(INTEL, 60.0, "relations", ("--odometry", "use", "--filter", "rbpf", "--particles", "30")),
+        (Figure("CPU s", measured("cpu_s"), 6.0), Figure("mean error m", scored("mean_m"), digits=4)), simulated=False),
+    Row("memory", "largest resident memory, office of 6 and of 30 min, airport",
+        lambda seed: {"short": Run(office(seed), cost=25.0), "long": Run(office(seed, 30.0), cost=220.0),
+                      "large": Run(Simulated(AIRPORT, seed, ("--minutes", "20", "--speed", "3")), cost=300.0)},
+        tuple(Figure(f"{name}: RSS MB", measured("peak_rss_mb", run=run), BUDGET_MB, digits=0)
+              for name, run in (("6 min", "short"), ("30 min", "long"), ("airport", "large"))) +
+        (Figure("classes over their limit", lambda o: sum(b["peak"] > b["limit"] for x in o.values()
+                                                       for b in x.metrics["bytes"].values()), 0, digits=0),)),
+    not_built("memory-8h", "8 h", "tests/soak/memory_soak.py; takes an hour and more"),
+    Row("threads", "office 1 min, rbpf of 8: 1, 2, 4 threads",
+        lambda seed: thread_runs(office(seed, 1.0), "--filter", "rbpf", "--particles", "8"), SAME_BITS),
+    Row("threads-csail", "mit-csail, adaptive: 1, 2, 4 threads", lambda seed: thread_runs(CSAIL), SAME_BITS,
+        simulated=False),
+    not_built("workers", "1, 2, 4 workers", "replay has no --workers"),
+    ablation_row("ablation-office", busy_office, ("rmse_m", "truth"), 40.0, 100.0, "RMSE cm"),
+    ablation_row("ablation-mall", lambda seed: Simulated("mall", seed, ("--speed", "3")), ("rmse_m", "truth"), 100.0,
+                 100.0, "RMSE cm"),
+    ablation_row("ablation-intel", lambda seed: INTEL, ("mean_m", "relations"), 60.0, 100.0, "mean cm", seeds=1),
+)
+
+
+def rows_like(patterns):
+    """Rows whose name matches one of the patterns (shell's), all without any."""
+    if not patterns:
+        return list(ROWS)
+    return [row for row in ROWS if any(fnmatch.fnmatchcase(row.name, p) for p in patterns)]
