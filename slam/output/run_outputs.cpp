@@ -8,7 +8,6 @@
 #include <span>
 #include <string>
 #include <unordered_map>
-#include <unordered_set>
 #include <utility>
 #include <vector>
 
@@ -82,21 +81,31 @@ double length_m(const std::vector<Pose2>& path) {
   return sum_m;
 }
 
-// Lays every track point's scan into the map, each once, sub-map by sub-map so that few are in memory.
+// Of a key-frame of `submap`: its own, or if it has none where the sub-map carries it.
+Pose2 pose_of(const FinalResult& result, const SubmapPose& submap, const Keyframe& keyframe) {
+  const auto found =
+      std::lower_bound(result.keyframes.begin(), result.keyframes.end(), keyframe.scan_index,
+                       [](const OptimizedKeyframe& k, std::uint64_t scan_index) { return k.scan_index < scan_index; });
+  if (found != result.keyframes.end() && found->scan_index == keyframe.scan_index) return found->map_from_base;
+  return compose(submap.map_from_submap, keyframe.pose);
+}
+
+// Lays the scan of every key-frame into the map, each once, sub-map by sub-map so that few are in memory. The area of
+// condensed sub-maps is others' as well.
 Status build_map(const FinalResult& result, SubmapSource& submaps, MapBuilder& builder, QualityCollector& quality) {
-  std::unordered_map<std::uint64_t, Pose2> poses;
-  for (const OptimizedKeyframe& k : result.keyframes) poses[k.scan_index] = k.map_from_base;
   for (const bool insert : {false, true}) {
     if (insert) builder.begin();
-    std::unordered_set<std::uint64_t> done;
+    std::optional<std::uint64_t> last;  // neighbours share key-frames
     for (const SubmapPose& s : result.submaps) {
+      if (s.state == SubmapState::kCondensed) continue;
       const Expected<std::shared_ptr<const FinishedSubmap>> submap = submaps.load(s.index);
       if (!submap) return submap.error();
       if (!insert) quality.note_submap(**submap);
       for (const Keyframe& k : (*submap)->keyframes) {
-        const auto pose = poses.find(k.scan_index);
-        if (pose == poses.end() || !done.insert(k.scan_index).second) continue;
-        insert ? builder.insert(k, pose->second) : builder.extend(k, pose->second);
+        if (last && k.scan_index <= *last) continue;
+        last = k.scan_index;
+        const Pose2 pose = pose_of(result, s, k);
+        insert ? builder.insert(k, pose) : builder.extend(k, pose);
       }
     }
   }
@@ -156,6 +165,10 @@ Expected<FinalResult> live_result(const GraphState& graph, std::uint32_t last, S
   live.loops = graph.loops;
   Pose2 map_from_odom;  // by the newest sub-map of the graph
   for (std::uint32_t index = 0; index <= last; ++index) {
+    if (index < graph.submaps.size() && graph.submaps[index].state == SubmapState::kCondensed) {
+      live.submaps.push_back(graph.submaps[index]);
+      continue;
+    }
     const Expected<std::shared_ptr<const FinishedSubmap>> loaded = submaps.load(index);
     if (!loaded) return failure(loaded.error());
     const FinishedSubmap& submap = **loaded;
@@ -164,6 +177,7 @@ Expected<FinalResult> live_result(const GraphState& graph, std::uint32_t last, S
     }
     const Pose2 map_from_submap = compose(map_from_odom, submap.odom_from_submap);
     live.submaps.push_back({index, map_from_submap});
+    if (index < graph.submaps.size()) live.submaps.back().state = graph.submaps[index].state;
     for (const Keyframe& k : submap.keyframes) {
       if (!live.keyframes.empty() && k.scan_index <= live.keyframes.back().scan_index) continue;
       live.keyframes.push_back({k.scan_index, k.stamp_us, compose(map_from_submap, k.pose)});
