@@ -58,27 +58,52 @@ class MarkPoses {
   std::vector<std::pair<Mark, Pose2>> found_;
 };
 
-// Fills `keyframes` with the way for the picture.
-Status write_trajectory(const RunOutputs& run, const OptimizedTrajectory& trajectory, std::vector<Pose2>& keyframes,
+// A run's way: its length, and as many of its places as a picture can show, however long the run is.
+class Way {
+ public:
+  void add(const Pose2& pose) {
+    const double step_m = count_ > 0 ? (pose.translation() - last_.translation()).norm() : 0.0;
+    length_m_ += step_m;
+    last_ = pose;
+    // Through condensed sub-maps a live map does not know the way: the picture has no line from here to nowhere.
+    if (step_m > kGap_m) places_.push_back({std::nan(""), std::nan(""), 0.0});
+    if (count_++ % stride_ != 0) return;
+    if (places_.size() >= kMostPlaces) {
+      for (std::size_t i = 0; 2 * i < places_.size(); ++i) places_[i] = places_[2 * i];
+      places_.resize(places_.size() / 2);
+      stride_ *= 2;
+    }
+    places_.push_back(pose);
+  }
+  [[nodiscard]] double length_m() const { return length_m_; }
+  [[nodiscard]] std::vector<Pose2> places() const {
+    std::vector<Pose2> places = places_;
+    if (count_ > 0) places.push_back(last_);
+    return places;
+  }
+
+ private:
+  static constexpr std::size_t kMostPlaces = 40'000;
+  static constexpr double kGap_m = 5.0;
+  std::vector<Pose2> places_;
+  std::uint64_t stride_ = 1;
+  std::uint64_t count_ = 0;
+  Pose2 last_;
+  double length_m_ = 0.0;
+};
+
+Status write_trajectory(const RunOutputs& run, const OptimizedTrajectory& trajectory, Way& way,
                         QualityCollector& quality) {
   TrajectoryFile file(run.folder / "trajectory.tum");
   MarkPoses marks(run.marks, run.result);
   Status status = trajectory.for_each([&](const SpooledPose& spooled, const Pose2& pose) {
-    if (spooled.keyframe) keyframes.push_back(pose);
+    if (spooled.keyframe) way.add(pose);
     marks.note(spooled.stamp_us, pose);
     quality.note_pose(spooled, pose);
     return file.add(spooled.stamp_us, pose);
   });
   if (status.ok()) status = file.commit();
   return status.ok() && !run.marks.empty() ? marks.write(run.folder / "marks.csv") : status;
-}
-
-double length_m(const std::vector<Pose2>& path) {
-  double sum_m = 0.0;
-  for (std::size_t i = 1; i < path.size(); ++i) {
-    sum_m += std::hypot(path[i].x - path[i - 1].x, path[i].y - path[i - 1].y);
-  }
-  return sum_m;
 }
 
 // Of a key-frame of `submap`: its own, or if it has none where the sub-map carries it.
@@ -113,7 +138,8 @@ Status build_map(const FinalResult& result, SubmapSource& submaps, MapBuilder& b
 }
 
 Status write_picture(const std::filesystem::path& file, const std::string& name, const std::string& subtitle,
-                     const FinalResult& result, const MapImage& map, const std::vector<Pose2>& path) {
+                     const FinalResult& result, const MapImage& map, const Way& way) {
+  const std::vector<Pose2> path = way.places();
   PictureInput picture{map, path, {}, {}, "", subtitle};
   std::unordered_map<std::uint32_t, Pose2> origins;
   for (const SubmapPose& submap : result.submaps) {
@@ -127,7 +153,7 @@ Status write_picture(const std::filesystem::path& file, const std::string& name,
     picture.loops.push_back({origins[loop.match.a].translation(), origins[loop.match.b].translation(),
                              loop.state == LoopState::kConfirmed});
   }
-  picture.title = picture_title(name, length_m(path), result.submaps.size(), confirmed);
+  picture.title = picture_title(name, way.length_m(), result.submaps.size(), confirmed);
   return write_map_picture(file, picture);
 }
 
@@ -135,12 +161,12 @@ Status write_picture(const std::filesystem::path& file, const std::string& name,
 
 Expected<RunOutputsSummary> write_run_outputs(const RunOutputs& run) {
   RunOutputsSummary summary;
-  std::vector<Pose2> path;
+  Way way;
   QualityCollector quality;
   const Expected<OptimizedTrajectory> trajectory = OptimizedTrajectory::make(run.result, run.poses, run.scans);
   if (!trajectory) return failure(trajectory.error());
-  if (Status status = write_trajectory(run, *trajectory, path, quality); !status.ok()) return failure(status);
-  summary.path_m = length_m(path);
+  if (Status status = write_trajectory(run, *trajectory, way, quality); !status.ok()) return failure(status);
+  summary.path_m = way.length_m();
   if (Status status = write_g2o(run.folder / "graph.g2o", run.result.graph); !status.ok()) return failure(status);
   const IndexMapOptions& options = run.mapper.map;
   MapImage map;
@@ -153,7 +179,7 @@ Expected<RunOutputsSummary> write_run_outputs(const RunOutputs& run) {
   summary.cell_m = map.cell_m;
   summary.quality = quality.result(map, run.result);
   if (Status status = write_map_files(run.folder, map); !status.ok()) return failure(status);
-  if (Status status = write_picture(run.folder / "map.png", run.name, run.subtitle, run.result, map, path);
+  if (Status status = write_picture(run.folder / "map.png", run.name, run.subtitle, run.result, map, way);
       !status.ok()) {
     return failure(status);
   }
@@ -167,7 +193,7 @@ Expected<FinalResult> live_result(const GraphState& graph, std::uint32_t last, S
   for (std::uint32_t index = 0; index <= last; ++index) {
     if (index < graph.submaps.size() && graph.submaps[index].state == SubmapState::kCondensed) {
       live.submaps.push_back(graph.submaps[index]);
-      continue;
+      continue;  // its way is not drawn; its scans need not be read
     }
     const Expected<std::shared_ptr<const FinishedSubmap>> loaded = submaps.load(index);
     if (!loaded) return failure(loaded.error());
@@ -195,8 +221,8 @@ Status draw_live_map(const std::filesystem::path& path, const std::string& subti
     if (Status status = build_map(live, submaps, builder, unused); !status.ok()) return status;
     map = builder.image();
   }
-  std::vector<Pose2> way;
-  for (const OptimizedKeyframe& k : live.keyframes) way.push_back(k.map_from_base);
+  Way way;
+  for (const OptimizedKeyframe& k : live.keyframes) way.add(k.map_from_base);
   return write_picture(path, "live map", subtitle, live, map, way);
 }
 
