@@ -59,6 +59,7 @@ void GraphModel::place_condensed() {
 SubmapRecord make_record(const FinishedSubmap& submap, SubmapOutline outline) {
   SubmapRecord record;
   record.odom_from_submap = submap.odom_from_submap;
+  outline.known.shrink_to_fit();
   record.outline = std::make_shared<const SubmapOutline>(std::move(outline));
   record.keyframes.reserve(submap.keyframes.size());
   for (const Keyframe& keyframe : submap.keyframes) {
