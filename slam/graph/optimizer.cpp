@@ -257,6 +257,7 @@ Optimizer::~Optimizer() = default;
 
 Expected<GraphState> Optimizer::add_submap(const std::shared_ptr<const FinishedSubmap>& submap) {
   if (Status status = check(submap.get(), impl_->model.submaps.size()); !status.ok()) return failure(status);
+  impl_->hold_budget();  // a map that was saved since may have filled it with loops
   if (Status status = impl_->take(*submap); !status.ok()) return failure(status);
   if (impl_->options.loops) impl_->seek_live();
   if (Status status = impl_->settle(false); !status.ok()) return failure(status);
