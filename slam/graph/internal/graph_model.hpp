@@ -30,7 +30,7 @@ struct TrackPoint {
 
 struct SubmapRecord {
   Pose2 odom_from_submap;
-  std::vector<TrackPoint> keyframes;             // ascending scan_index; of a condensed one the first, and the middle one
+  std::vector<TrackPoint> keyframes;  // ascending scan_index; of a condensed one the first, and the middle one
   std::shared_ptr<const SubmapOutline> outline;  // of retained ones; never changes, copies of the graph share it
   SubmapState state = SubmapState::kRetained;
   std::uint32_t hub = 0;  // of a condensed one: the retained sub-map it hangs on
