@@ -98,6 +98,13 @@ std::string trouble_of(const Health& health) {
   if (health.recorder.disk == DiskState::kLow) {
     return fmt::format("only {} MB left on the disk", health.recorder.disk_free_bytes >> 20);
   }
+  if (health.optimizer.submaps_frozen > 0) {
+    return fmt::format(
+        "the site is larger than the graph's memory: the oldest {} sub-maps stay as they are and are not recognised "
+        "any "
+        "more; raise [budget] graph, or map the rest in a new run",
+        health.optimizer.submaps_frozen);
+  }
   if (!health.button_trouble.empty()) return health.button_trouble;
   if (health.odometry && health.odometry->silent) {
     return "no odometry that can be used comes over LCM; mapping goes on without it";
@@ -206,6 +213,10 @@ nlohmann::json json_of(const Health& health) {
             {"scan_ms_p99", health.publisher.scan_ms_p99}}},
           {"optimizer",
            {{"submaps", health.optimizer.submaps},
+            {"condensed", health.optimizer.submaps_condensed},
+            {"frozen", health.optimizer.submaps_frozen},
+            {"graph_bytes", health.optimizer.bytes_used},
+            {"refused_for_memory", health.optimizer.refused_for_memory},
             {"graph_version", health.graph_version},
             {"loops_confirmed", health.optimizer.loops_confirmed},
             {"loops_pending", health.optimizer.loops_pending},

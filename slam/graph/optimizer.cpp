@@ -6,8 +6,10 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
+#include <optional>
 #include <utility>
 
+#include "slam/graph/internal/condensation.hpp"
 #include "slam/graph/internal/final_graph.hpp"
 #include "slam/graph/internal/graph_model.hpp"
 #include "slam/graph/internal/live_graph.hpp"
@@ -30,7 +32,11 @@ constexpr std::size_t kFinalRunsPerSubmap = 6;
 constexpr std::size_t kSaveRuns = 40;  // of a map that is saved meanwhile: somebody waits for it
 constexpr std::uint32_t kLiveGap = 3;  // nearer ones overlap by construction and teach little
 constexpr std::uint32_t kFinalGap = 2;
-constexpr int kPolicyRounds = 8;  // confirm and solve until nothing more follows
+// The graph is condensed before it is full, because sub-maps that are new have more to add, and then by several at
+// once.
+constexpr std::size_t kFullPart = 16;  // of the budget that is left free at least
+constexpr std::size_t kRoomPart = 8;   // of it that is made free
+constexpr int kPolicyRounds = 8;       // confirm and solve until nothing more follows
 
 bool finite(const Pose2& pose) {
   return std::isfinite(pose.x) && std::isfinite(pose.y) && std::isfinite(pose.yaw);
@@ -70,6 +76,7 @@ struct Optimizer::Impl {
         counters(other.counters),
         version(other.version),
         rejected_pending(other.rejected_pending),
+        condensed_loops(other.condensed_loops),
         cancelled(other.cancelled) {}
 
   Expected<FinalResult> finish(std::size_t runs, std::size_t most_sights);
@@ -78,6 +85,8 @@ struct Optimizer::Impl {
   void seek_all(std::size_t budget, bool accept_lone);
   Status settle(bool accept_lone);
   Status solve(const std::vector<std::size_t>& news);
+  void hold_budget();
+  [[nodiscard]] std::size_t retained() const;
   [[nodiscard]] std::size_t bytes_left() const;
   void count();
   [[nodiscard]] std::vector<Loop> loops() const;
@@ -90,6 +99,7 @@ struct Optimizer::Impl {
   OptimizerCounters counters;
   std::uint32_t version = 0;
   std::uint64_t rejected_pending = 0;
+  std::uint64_t condensed_loops = 0;                                                          // that had been confirmed
   std::shared_ptr<std::atomic<bool>> cancelled = std::make_shared<std::atomic<bool>>(false);  // of all copies
 };
 
@@ -99,8 +109,9 @@ std::size_t Optimizer::Impl::bytes_left() const {
 
 void Optimizer::Impl::count() {
   counters.submaps = model.submaps.size();
-  counters.landmarks = counters.loops_confirmed = counters.loops_pending = 0;
-  std::size_t bytes = search.bytes();
+  counters.landmarks = counters.loops_pending = 0;
+  counters.loops_confirmed = condensed_loops;
+  std::size_t bytes = search.bytes() + model.edges.capacity() * sizeof(graph::CondensedEdge);
   for (const auto& record : model.submaps) bytes += graph::bytes_of(record);
   for (const auto& link : model.links) {
     counters.landmarks += link.landmarks.size();
@@ -120,6 +131,27 @@ void Optimizer::Impl::count() {
   counters.refused_for_memory = search.refused_for_memory();
   counters.bytes_used = bytes;
   counters.bytes_peak = std::max(counters.bytes_peak, bytes);
+}
+
+std::size_t Optimizer::Impl::retained() const {
+  return model.submaps.size() - static_cast<std::size_t>(counters.submaps_condensed + counters.submaps_frozen);
+}
+
+void Optimizer::Impl::hold_budget() {
+  const auto free_below = [this](std::size_t part) {
+    return counters.bytes_used + options.graph_bytes_limit / part > options.graph_bytes_limit;
+  };
+  if (!free_below(kFullPart)) return;
+  graph::Condenser condenser(model);
+  while (free_below(kRoomPart)) {
+    const std::optional<graph::Condensed> condensed = condenser.step();
+    if (!condensed) return;
+    search.forget(condensed->submap);
+    ++(condensed->state == SubmapState::kFrozen ? counters.submaps_frozen : counters.submaps_condensed);
+    condensed_loops += condensed->confirmed_loops;
+    rejected_pending += condensed->pending_loops;
+    count();
+  }
 }
 
 std::vector<Loop> Optimizer::Impl::loops() const {
@@ -161,11 +193,14 @@ void Optimizer::Impl::seek_live() {
 // Every pair that overlaps at the poses then known, most informative first, in batches after each of which the graph
 // learns. `budget` in matcher runs.
 void Optimizer::Impl::seek_all(std::size_t budget, bool accept_lone) {
-  const std::size_t batch = std::max<std::size_t>(kLiveRuns, 2 * model.submaps.size());
-  while (budget > 0 && !cancelled->load()) {
+  const std::size_t batch = std::max<std::size_t>(kLiveRuns, 2 * retained());
+  // What is found could not be kept without room.
+  const auto has_room = [this] { return bytes_left() > sizeof(LoopRecord); };
+  while (budget > 0 && has_room() && !cancelled->load()) {
     const graph::RelativeUncertainty uncertainty(model);
     std::vector<LoopCandidate> ranked;
     for (std::uint32_t b = kFinalGap; b < model.submaps.size(); ++b) {
+      if (model.submaps[b].condensed()) continue;
       const auto of_b = search.untried(model, uncertainty, b, kFinalGap);
       ranked.insert(ranked.end(), of_b.begin(), of_b.end());
     }
@@ -180,6 +215,7 @@ void Optimizer::Impl::seek_all(std::size_t budget, bool accept_lone) {
     const std::uint64_t before = search.runs();
     for (const LoopCandidate& candidate : ranked) {
       if (cancelled->load()) return;
+      if (!has_room()) break;
       search.run(model, candidate, bytes_left());
       count();
     }
@@ -221,12 +257,16 @@ Optimizer::~Optimizer() = default;
 
 Expected<GraphState> Optimizer::add_submap(const std::shared_ptr<const FinishedSubmap>& submap) {
   if (Status status = check(submap.get(), impl_->model.submaps.size()); !status.ok()) return failure(status);
+  impl_->hold_budget();  // a map that was saved since may have filled it with loops
   if (Status status = impl_->take(*submap); !status.ok()) return failure(status);
   if (impl_->options.loops) impl_->seek_live();
   if (Status status = impl_->settle(false); !status.ok()) return failure(status);
+  impl_->hold_budget();
   GraphState state;
   state.version = impl_->version;
-  for (std::uint32_t k = 0; k < impl_->model.poses.size(); ++k) state.submaps.push_back({k, impl_->model.poses[k]});
+  for (std::uint32_t k = 0; k < impl_->model.poses.size(); ++k) {
+    state.submaps.push_back({k, impl_->model.poses[k], impl_->model.submaps[k].state});
+  }
   state.loops = impl_->loops();
   return state;
 }
@@ -252,29 +292,32 @@ Expected<FinalResult> Optimizer::Impl::finish(std::size_t runs, std::size_t most
 
   FinalResult result;
   result.graph = graph::export_graph(track);
+  const graph::RelativeUncertainty uncertainty(model);
+  const graph::RelativePoses paths = uncertainty.paths_from(0);
   for (std::uint32_t k = 0; k < model.submaps.size(); ++k) {
-    result.submaps.push_back({k, track.track[track.first_of_submap[k]].map_from_base});
-  }
-  const std::vector<graph::RelativePose> paths = graph::RelativeUncertainty(model).paths_from(0);
-  for (std::size_t k = 0; k < paths.size(); ++k) {
-    result.bounds.push_back({track.track[track.first_of_submap[k]].stamp_us, paths[k].pose.covariance});
+    const std::uint32_t first = track.first_of_submap[k];
+    const bool solved = first != graph::kNoTrackPoint;
+    result.submaps.push_back({k, solved ? track.track[first].map_from_base : Pose2{}});
+    result.bounds.push_back(solved ? SubmapBound{track.track[first].stamp_us, paths[k].pose.covariance}
+                                   : SubmapBound{});
   }
   result.loops = loops();
   const OptimizerCounters& counted = counters;
   result.report = fmt::format(
-      "{} sub-maps, {} track points, {} landmarks, {} rows\n"
+      "{} sub-maps, {} of them condensed, {} frozen; {} track points, {} landmarks, {} rows\n"
       "loops: {} matched, {} confirmed, {} pending, {} refused; {} refused for memory, {} loads failed\n"
       "final solve: cost {:.6g} -> {:.6g} in {} iterations\n",
-      counted.submaps, track.track.size(), track.landmarks.size(), track.chain.size() + track.sights.size(),
-      counted.loop_candidates, counted.loops_confirmed, counted.loops_pending, counted.loops_rejected,
-      counted.refused_for_memory, search.load_failures(), summary->initial_cost, summary->final_cost,
-      summary->iterations);
+      counted.submaps, counted.submaps_condensed, counted.submaps_frozen, track.track.size(), track.landmarks.size(),
+      track.chain.size() + track.sights.size(), counted.loop_candidates, counted.loops_confirmed, counted.loops_pending,
+      counted.loops_rejected, counted.refused_for_memory, search.load_failures(), summary->initial_cost,
+      summary->final_cost, summary->iterations);
   result.keyframes = std::move(track.track);
+  graph::hang_condensed(model, result);
   return result;
 }
 
 Expected<FinalResult> Optimizer::finish() {
-  return impl_->finish(kFinalRunsPerSubmap * impl_->model.submaps.size(), graph::kMostSights);
+  return impl_->finish(kFinalRunsPerSubmap * impl_->retained(), graph::kMostSights);
 }
 
 Expected<FinalResult> Optimizer::finish_with(const std::shared_ptr<const FinishedSubmap>& open) {

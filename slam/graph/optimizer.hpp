@@ -30,7 +30,9 @@ struct Loop {
 
 struct OptimizerOptions {
   bool loops = true;  // false: adjacent sub-maps only (replay --no-loops)
-  // What would pass it is refused if it is landmarks or a loop; a sub-map's own record (some 8 kB) is always kept.
+  // Near it sub-maps are condensed: first those whose area others know, oldest first; then, because mapping never stops
+  // for memory, the oldest. What of landmarks or of a loop would still pass it is refused. What a condensed sub-map
+  // leaves (some 300 bytes) is always kept, and the newest few sub-maps are, too.
   std::size_t graph_bytes_limit = 16U << 20;
 };
 
@@ -39,9 +41,11 @@ struct OptimizerCounters {
   std::uint64_t submaps = 0;
   std::uint64_t landmarks = 0;           // in the graph now
   std::uint64_t loop_candidates = 0;     // branch-and-bound runs
-  std::uint64_t loops_confirmed = 0;     // state now
+  std::uint64_t submaps_condensed = 0;   // of them, hung on another that is retained; their area is known to others
+  std::uint64_t submaps_frozen = 0;      // of them, hung on another for want of memory although they alone know a place
+  std::uint64_t loops_confirmed = 0;     // state now, and of condensed sub-maps
   std::uint64_t loops_pending = 0;       // state now
-  std::uint64_t loops_rejected = 0;      // candidates and pending loops that were refused
+  std::uint64_t loops_rejected = 0;      // candidates and pending loops that were refused, or fell with a condensed one
   std::uint64_t refused_for_memory = 0;  // sets of landmarks that would have passed graph_bytes_limit
   std::uint64_t solves = 0;
   double solve_ms_max = 0.0;  // wall time, for the report only: nothing depends on it
@@ -49,16 +53,23 @@ struct OptimizerCounters {
   std::size_t bytes_peak = 0;
 };
 
+enum class SubmapState : std::uint8_t {
+  kRetained,   // part of the graph
+  kCondensed,  // hangs rigidly on a retained one, whose area and that of others covers its own: not drawn
+  kFrozen,     // the same, but it alone knows some place: drawn, and no longer found again by loops
+};
+
 struct SubmapPose {
   std::uint32_t index = 0;
   Pose2 map_from_submap;
+  SubmapState state = SubmapState::kRetained;
 };
 
 // State after a live solve: what CART_GRAPH carries and what corrects the pose in the map.
 struct GraphState {
   std::uint32_t version = 0;        // grows by one with each solve
   std::vector<SubmapPose> submaps;  // in order of index
-  std::vector<Loop> loops;          // in order of discovery
+  std::vector<Loop> loops;          // between retained ones, in order of discovery
 };
 
 struct GraphPose {  // VERTEX_SE2
@@ -105,9 +116,11 @@ struct SubmapBound {
 };
 
 struct FinalResult {
-  std::vector<SubmapPose> submaps;           // in order of index
-  std::vector<SubmapBound> bounds;           // by sub-map
-  std::vector<OptimizedKeyframe> keyframes;  // every distinct track point of the run, in order of time
+  std::vector<SubmapPose> submaps;  // in order of index
+  std::vector<SubmapBound> bounds;  // by sub-map
+  // In order of time: every distinct track point of the retained sub-maps, of others one at least. Whoever wants
+  // the rest goes on by the filter's own steps (OptimizedTrajectory).
+  std::vector<OptimizedKeyframe> keyframes;
   std::vector<Loop> loops;
   GraphExport graph;   // equation (5)
   std::string report;  // a few lines for people: residuals before and after, iterations

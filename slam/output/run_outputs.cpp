@@ -8,7 +8,6 @@
 #include <span>
 #include <string>
 #include <unordered_map>
-#include <unordered_set>
 #include <utility>
 #include <vector>
 
@@ -59,13 +58,46 @@ class MarkPoses {
   std::vector<std::pair<Mark, Pose2>> found_;
 };
 
-// Fills `keyframes` with the way for the picture.
-Status write_trajectory(const RunOutputs& run, const OptimizedTrajectory& trajectory, std::vector<Pose2>& keyframes,
+// A run's way: its length, and as many of its places as a picture can show, however long the run is.
+class Way {
+ public:
+  void add(const Pose2& pose) {
+    const double step_m = count_ > 0 ? (pose.translation() - last_.translation()).norm() : 0.0;
+    length_m_ += step_m;
+    last_ = pose;
+    // Through condensed sub-maps a live map does not know the way: the picture has no line from here to nowhere.
+    if (step_m > kGap_m) places_.push_back({std::nan(""), std::nan(""), 0.0});
+    if (count_++ % stride_ != 0) return;
+    if (places_.size() >= kMostPlaces) {
+      for (std::size_t i = 0; 2 * i < places_.size(); ++i) places_[i] = places_[2 * i];
+      places_.resize(places_.size() / 2);
+      stride_ *= 2;
+    }
+    places_.push_back(pose);
+  }
+  [[nodiscard]] double length_m() const { return length_m_; }
+  [[nodiscard]] std::vector<Pose2> places() const {
+    std::vector<Pose2> places = places_;
+    if (count_ > 0) places.push_back(last_);
+    return places;
+  }
+
+ private:
+  static constexpr std::size_t kMostPlaces = 40'000;
+  static constexpr double kGap_m = 5.0;
+  std::vector<Pose2> places_;
+  std::uint64_t stride_ = 1;
+  std::uint64_t count_ = 0;
+  Pose2 last_;
+  double length_m_ = 0.0;
+};
+
+Status write_trajectory(const RunOutputs& run, const OptimizedTrajectory& trajectory, Way& way,
                         QualityCollector& quality) {
   TrajectoryFile file(run.folder / "trajectory.tum");
   MarkPoses marks(run.marks, run.result);
   Status status = trajectory.for_each([&](const SpooledPose& spooled, const Pose2& pose) {
-    if (spooled.keyframe) keyframes.push_back(pose);
+    if (spooled.keyframe) way.add(pose);
     marks.note(spooled.stamp_us, pose);
     quality.note_pose(spooled, pose);
     return file.add(spooled.stamp_us, pose);
@@ -74,29 +106,31 @@ Status write_trajectory(const RunOutputs& run, const OptimizedTrajectory& trajec
   return status.ok() && !run.marks.empty() ? marks.write(run.folder / "marks.csv") : status;
 }
 
-double length_m(const std::vector<Pose2>& path) {
-  double sum_m = 0.0;
-  for (std::size_t i = 1; i < path.size(); ++i) {
-    sum_m += std::hypot(path[i].x - path[i - 1].x, path[i].y - path[i - 1].y);
-  }
-  return sum_m;
+// Of a key-frame of `submap`: its own, or if it has none where the sub-map carries it.
+Pose2 pose_of(const FinalResult& result, const SubmapPose& submap, const Keyframe& keyframe) {
+  const auto found =
+      std::lower_bound(result.keyframes.begin(), result.keyframes.end(), keyframe.scan_index,
+                       [](const OptimizedKeyframe& k, std::uint64_t scan_index) { return k.scan_index < scan_index; });
+  if (found != result.keyframes.end() && found->scan_index == keyframe.scan_index) return found->map_from_base;
+  return compose(submap.map_from_submap, keyframe.pose);
 }
 
-// Lays every track point's scan into the map, each once, sub-map by sub-map so that few are in memory.
+// Lays the scan of every key-frame into the map, each once, sub-map by sub-map so that few are in memory. The area of
+// condensed sub-maps is others' as well.
 Status build_map(const FinalResult& result, SubmapSource& submaps, MapBuilder& builder, QualityCollector& quality) {
-  std::unordered_map<std::uint64_t, Pose2> poses;
-  for (const OptimizedKeyframe& k : result.keyframes) poses[k.scan_index] = k.map_from_base;
   for (const bool insert : {false, true}) {
     if (insert) builder.begin();
-    std::unordered_set<std::uint64_t> done;
+    std::optional<std::uint64_t> last;  // neighbours share key-frames
     for (const SubmapPose& s : result.submaps) {
+      if (s.state == SubmapState::kCondensed) continue;
       const Expected<std::shared_ptr<const FinishedSubmap>> submap = submaps.load(s.index);
       if (!submap) return submap.error();
       if (!insert) quality.note_submap(**submap);
       for (const Keyframe& k : (*submap)->keyframes) {
-        const auto pose = poses.find(k.scan_index);
-        if (pose == poses.end() || !done.insert(k.scan_index).second) continue;
-        insert ? builder.insert(k, pose->second) : builder.extend(k, pose->second);
+        if (last && k.scan_index <= *last) continue;
+        last = k.scan_index;
+        const Pose2 pose = pose_of(result, s, k);
+        insert ? builder.insert(k, pose) : builder.extend(k, pose);
       }
     }
   }
@@ -104,7 +138,8 @@ Status build_map(const FinalResult& result, SubmapSource& submaps, MapBuilder& b
 }
 
 Status write_picture(const std::filesystem::path& file, const std::string& name, const std::string& subtitle,
-                     const FinalResult& result, const MapImage& map, const std::vector<Pose2>& path) {
+                     const FinalResult& result, const MapImage& map, const Way& way) {
+  const std::vector<Pose2> path = way.places();
   PictureInput picture{map, path, {}, {}, "", subtitle};
   std::unordered_map<std::uint32_t, Pose2> origins;
   for (const SubmapPose& submap : result.submaps) {
@@ -118,7 +153,7 @@ Status write_picture(const std::filesystem::path& file, const std::string& name,
     picture.loops.push_back({origins[loop.match.a].translation(), origins[loop.match.b].translation(),
                              loop.state == LoopState::kConfirmed});
   }
-  picture.title = picture_title(name, length_m(path), result.submaps.size(), confirmed);
+  picture.title = picture_title(name, way.length_m(), result.submaps.size(), confirmed);
   return write_map_picture(file, picture);
 }
 
@@ -126,12 +161,12 @@ Status write_picture(const std::filesystem::path& file, const std::string& name,
 
 Expected<RunOutputsSummary> write_run_outputs(const RunOutputs& run) {
   RunOutputsSummary summary;
-  std::vector<Pose2> path;
+  Way way;
   QualityCollector quality;
   const Expected<OptimizedTrajectory> trajectory = OptimizedTrajectory::make(run.result, run.poses, run.scans);
   if (!trajectory) return failure(trajectory.error());
-  if (Status status = write_trajectory(run, *trajectory, path, quality); !status.ok()) return failure(status);
-  summary.path_m = length_m(path);
+  if (Status status = write_trajectory(run, *trajectory, way, quality); !status.ok()) return failure(status);
+  summary.path_m = way.length_m();
   if (Status status = write_g2o(run.folder / "graph.g2o", run.result.graph); !status.ok()) return failure(status);
   const IndexMapOptions& options = run.mapper.map;
   MapImage map;
@@ -144,7 +179,7 @@ Expected<RunOutputsSummary> write_run_outputs(const RunOutputs& run) {
   summary.cell_m = map.cell_m;
   summary.quality = quality.result(map, run.result);
   if (Status status = write_map_files(run.folder, map); !status.ok()) return failure(status);
-  if (Status status = write_picture(run.folder / "map.png", run.name, run.subtitle, run.result, map, path);
+  if (Status status = write_picture(run.folder / "map.png", run.name, run.subtitle, run.result, map, way);
       !status.ok()) {
     return failure(status);
   }
@@ -156,6 +191,10 @@ Expected<FinalResult> live_result(const GraphState& graph, std::uint32_t last, S
   live.loops = graph.loops;
   Pose2 map_from_odom;  // by the newest sub-map of the graph
   for (std::uint32_t index = 0; index <= last; ++index) {
+    if (index < graph.submaps.size() && graph.submaps[index].state == SubmapState::kCondensed) {
+      live.submaps.push_back(graph.submaps[index]);
+      continue;  // its way is not drawn; its scans need not be read
+    }
     const Expected<std::shared_ptr<const FinishedSubmap>> loaded = submaps.load(index);
     if (!loaded) return failure(loaded.error());
     const FinishedSubmap& submap = **loaded;
@@ -164,6 +203,7 @@ Expected<FinalResult> live_result(const GraphState& graph, std::uint32_t last, S
     }
     const Pose2 map_from_submap = compose(map_from_odom, submap.odom_from_submap);
     live.submaps.push_back({index, map_from_submap});
+    if (index < graph.submaps.size()) live.submaps.back().state = graph.submaps[index].state;
     for (const Keyframe& k : submap.keyframes) {
       if (!live.keyframes.empty() && k.scan_index <= live.keyframes.back().scan_index) continue;
       live.keyframes.push_back({k.scan_index, k.stamp_us, compose(map_from_submap, k.pose)});
@@ -181,8 +221,8 @@ Status draw_live_map(const std::filesystem::path& path, const std::string& subti
     if (Status status = build_map(live, submaps, builder, unused); !status.ok()) return status;
     map = builder.image();
   }
-  std::vector<Pose2> way;
-  for (const OptimizedKeyframe& k : live.keyframes) way.push_back(k.map_from_base);
+  Way way;
+  for (const OptimizedKeyframe& k : live.keyframes) way.add(k.map_from_base);
   return write_picture(path, "live map", subtitle, live, map, way);
 }
 

@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """Feeds submapd hours of driving in virtual time and looks at its resident memory, minute by virtual minute.
 
-Usage: memory_soak.py [--minutes M] SUBMAPCTL SUBMAPD
+Usage: memory_soak.py [--minutes M] [--graph BYTES] SUBMAPCTL SUBMAPD
+A small budget of the graph makes it condense early: what then still grows would grow in eight hours.
 It must stay below the budgets' sum plus 40 MB; from minute 2 on, in runs of more than an hour from minute 10 on, within 2 %.
 The office's tour is repeated, so that the cart comes through known space again and again. Run in a network of its own.
 """
@@ -21,13 +22,15 @@ CODE_MB = 40.0
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("--minutes", type=float, default=480.0)
+    parser.add_argument("--graph", type=int, default=0)
     parser.add_argument("submapctl")
     parser.add_argument("submapd")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as temporary:
         scratch = pathlib.Path(temporary)
         log = simulate(arguments.submapctl, scratch / "sim", arguments.minutes)
-        rig = FedDaemon(arguments.submapctl, arguments.submapd, scratch / "rig", log, 20.0, "raw = false\n")
+        more = "raw = false\n" + (f"[budget]\ngraph = {arguments.graph}\n" if arguments.graph else "")
+        rig = FedDaemon(arguments.submapctl, arguments.submapd, scratch / "rig", log, 20.0, more)
         begun = time.monotonic()
         rig.start()
         first_us = None
@@ -45,7 +48,8 @@ def main():
             limit_mb = health["memory"]["budget_bytes"] / 1e6 + CODE_MB
             if minute not in rss_mb or ended:
                 print(f"minute {minute}: {health['memory']['rss_bytes'] / 1e6:.1f} MB of {limit_mb:.0f}, "
-                      f"{health['optimizer']['submaps']} sub-maps", flush=True)
+                      f"{health['optimizer']['submaps']} sub-maps, {health['optimizer']['condensed']} condensed, "
+                      f"{health['optimizer']['frozen']} frozen", flush=True)
             rss_mb[minute] = health["memory"]["rss_bytes"] / 1e6
         assert rig.end(signal.SIGTERM) == 0
         last_mb = rss_mb[max(rss_mb)]

@@ -68,9 +68,12 @@ std::string screen_of(const json& health) {
       "filter", number(mapper, "scans"), number(mapper, "skipped"), number(mapper, "missing"), number(mapper, "lost"),
       number(mapper, "particles"), number(mapper, "n_eff"),
       flag(mapper, "degenerate") ? ", a direction is not observable" : "");
-  out += fmt::format("{:<11} {:.0f} on the disk, {:.0f} in the graph, {:.0f} loops, {:.0f} pending\n", "sub-maps",
-                     number(recorder, "last_submap") + 1, number(optimizer, "submaps"),
-                     number(optimizer, "loops_confirmed"), number(optimizer, "loops_pending"));
+  out += fmt::format("{:<11} {:.0f} on the disk, {:.0f} optimised", "sub-maps", number(recorder, "last_submap") + 1,
+                     number(optimizer, "submaps"));
+  const double condensed = number(optimizer, "condensed") + number(optimizer, "frozen");
+  if (condensed > 0.0) out += fmt::format(" ({:.0f} of them condensed)", condensed);
+  out += fmt::format(", {:.0f} loops, {:.0f} pending\n", number(optimizer, "loops_confirmed"),
+                     number(optimizer, "loops_pending"));
   out +=
       fmt::format("{:<11} version {:.0f}, {:.0f} solves, the longest {:.0f} ms\n", "graph",
                   number(optimizer, "graph_version"), number(optimizer, "solves"), number(optimizer, "solve_ms_max"));

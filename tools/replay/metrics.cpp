@@ -64,6 +64,8 @@ Status write_metrics(const std::filesystem::path& path, const ReplayMetrics& m) 
         {"coalescences", m.mapper.forced_coalescences}}},
       {"keyframes", m.mapper.keyframes},
       {"submaps", m.optimizer.submaps},
+      {"submaps_condensed", m.optimizer.submaps_condensed},
+      {"submaps_frozen", m.optimizer.submaps_frozen},
       {"breaks", m.mapper.breaks},
       {"searches", m.mapper.searches},
       {"pool_refusals", m.mapper.pool_refusals},

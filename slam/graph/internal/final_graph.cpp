@@ -3,6 +3,8 @@
 #include <Eigen/LU>
 #include <algorithm>
 
+#include "slam/graph/internal/condensation.hpp"
+
 namespace submapd::graph {
 namespace {
 
@@ -25,6 +27,7 @@ std::uint32_t position_of(const TrackGraph& graph, std::uint64_t scan_index) {
 // Every key-frame once, posed by the oldest sub-map that holds it, and chained inside sub-maps.
 void add_track(TrackGraph& graph, const GraphModel& model) {
   for (std::uint32_t k = 0; k < model.submaps.size(); ++k) {
+    if (model.submaps[k].condensed()) continue;
     const auto& keyframes = model.submaps[k].keyframes;
     for (std::size_t i = 0; i < keyframes.size(); ++i) {
       const TrackPoint& point = keyframes[i];
@@ -35,7 +38,7 @@ void add_track(TrackGraph& graph, const GraphModel& model) {
         const std::uint32_t before = position_of(graph, keyframes[i - 1].scan_index);
         graph.chain.push_back({before, here, between(keyframes[i - 1].pose, point.pose),
                                point.step() + pose_covariance(kStepFloorM, kStepFloorRad)});
-      } else if (here > 0) {
+      } else if (model.has_link(k)) {
         // A break: only the odometry frame says where it goes on.
         const Pose2 odom_from_last =
             compose(model.submaps[k - 1].odom_from_submap, model.submaps[k - 1].keyframes.back().pose);
@@ -47,7 +50,17 @@ void add_track(TrackGraph& graph, const GraphModel& model) {
     }
   }
   for (const SubmapRecord& submap : model.submaps) {
-    graph.first_of_submap.push_back(position_of(graph, submap.keyframes.front().scan_index));
+    graph.first_of_submap.push_back(submap.condensed() ? kNoTrackPoint
+                                                       : position_of(graph, submap.keyframes.front().scan_index));
+  }
+  for (const CondensedEdge& edge : model.edges) {
+    const TrackPoint& in_a = model.submaps[edge.a].keyframes[middle_of(model.submaps[edge.a])];
+    const TrackPoint& in_b = model.submaps[edge.b].keyframes[middle_of(model.submaps[edge.b])];
+    const Eigen::Matrix3d exact = Eigen::Matrix3d::Zero();
+    const UncertainPose row =
+        compose(compose(UncertainPose{inverse(in_a.pose), exact}, edge.a_from_b), UncertainPose{in_b.pose, exact});
+    graph.chain.push_back(
+        {position_of(graph, in_a.scan_index), position_of(graph, in_b.scan_index), row.mean, row.covariance});
   }
 }
 
@@ -135,6 +148,7 @@ GraphExport export_graph(const TrackGraph& graph) {
   }
   for (std::uint32_t k = 0; k < graph.first_of_submap.size(); ++k) {
     const std::uint32_t first = graph.first_of_submap[k];
+    if (first == kNoTrackPoint) continue;
     out.poses.push_back({submap_id(k), graph.track[first].map_from_base});
     out.pose_edges.push_back({id_of(first), submap_id(k), {}, kIdentityInformation * Eigen::Matrix3d::Identity()});
   }

@@ -8,6 +8,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "slam/base/status.hpp"
@@ -28,6 +29,8 @@ namespace submapd::graph {
   return 4 * std::uint64_t{number} + 2;
 }
 
+inline constexpr std::uint32_t kNoTrackPoint = std::numeric_limits<std::uint32_t>::max();
+
 // Rows of the whole problem before whitening: they are both solved and exported.
 struct TrackGraph {
   struct ChainRow {
@@ -46,7 +49,8 @@ struct TrackGraph {
   std::vector<Eigen::Vector2d> landmarks;
   std::vector<ChainRow> chain;
   std::vector<SightRow> sights;
-  std::vector<std::uint32_t> first_of_submap;  // index into track of each sub-map's first key-frame
+  // Index into track of each sub-map's first key-frame; condensed ones have none (hang_condensed()).
+  std::vector<std::uint32_t> first_of_submap;
 };
 
 // Rows of landmarks that a graph has at most: each takes a kilobyte while it is solved. The fewer are what a direct
@@ -54,8 +58,8 @@ struct TrackGraph {
 inline constexpr std::size_t kMostSights = 24'000;
 inline constexpr std::size_t kQuickSights = 9'000;
 
-// Values from the live poses. Rows from links, landmarks of linked neighbours and confirmed loops. Above `most_sights`
-// (up to what rounding adds for a pair) landmarks are thinned.
+// Values from the live poses. Rows from links, landmarks of linked neighbours, confirmed loops, and edges that stand
+// for condensed sub-maps. Above `most_sights` (up to what rounding adds for a pair) landmarks are thinned.
 [[nodiscard]] TrackGraph build_track_graph(const GraphModel& model, std::size_t most_sights = kMostSights);
 
 // Solves in place, up to 50 iterations. `cancelled`: SolveOptions.

@@ -50,10 +50,17 @@ UncertainPose GraphModel::measured(const LoopRecord& loop) const {
   return {match.a_from_b, match.covariance + kModelError};
 }
 
+void GraphModel::place_condensed() {
+  for (std::size_t k = 0; k < submaps.size(); ++k) {
+    if (submaps[k].condensed()) poses[k] = compose(poses[submaps[k].hub], links[k].edge.mean);
+  }
+}
+
 SubmapRecord make_record(const FinishedSubmap& submap, SubmapOutline outline) {
   SubmapRecord record;
   record.odom_from_submap = submap.odom_from_submap;
-  record.outline = std::move(outline);
+  outline.known.shrink_to_fit();
+  record.outline = std::make_shared<const SubmapOutline>(std::move(outline));
   record.keyframes.reserve(submap.keyframes.size());
   for (const Keyframe& keyframe : submap.keyframes) {
     TrackPoint point{keyframe.scan_index, keyframe.stamp_us, keyframe.pose, {}};
@@ -110,7 +117,9 @@ ChainLink make_link(const SubmapRecord& a, const SubmapRecord& b, bool linked) {
 
 std::size_t bytes_of(const SubmapRecord& record) {
   return sizeof(SubmapRecord) + sizeof(Pose2) + sizeof(ChainLink) + record.keyframes.capacity() * sizeof(TrackPoint) +
-         record.outline.known.capacity() * sizeof(record.outline.known[0]);
+         (record.outline == nullptr
+              ? 0
+              : sizeof(SubmapOutline) + record.outline->known.capacity() * sizeof(record.outline->known[0]));
 }
 
 std::size_t bytes_of(const std::vector<VirtualLandmark>& landmarks) {

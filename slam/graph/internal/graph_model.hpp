@@ -5,6 +5,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "slam/base/pose2.hpp"
@@ -29,14 +30,18 @@ struct TrackPoint {
 
 struct SubmapRecord {
   Pose2 odom_from_submap;
-  std::vector<TrackPoint> keyframes;  // ascending scan_index
-  SubmapOutline outline;
+  std::vector<TrackPoint> keyframes;  // ascending scan_index; of a condensed one the first, and the middle one
+  std::shared_ptr<const SubmapOutline> outline;  // of retained ones; never changes, copies of the graph share it
+  SubmapState state = SubmapState::kRetained;
+  std::uint32_t hub = 0;  // of a condensed one: the retained sub-map it hangs on
+
+  [[nodiscard]] bool condensed() const { return state != SubmapState::kRetained; }
 };
 
-// What ties a sub-map to the one before it.
+// What ties a sub-map to the one before it, or a condensed one to its hub.
 struct ChainLink {
   bool linked = false;  // false: a break, `edge` only fixes the gauge
-  UncertainPose edge;   // previous_from_this
+  UncertainPose edge;   // previous_from_this; of a condensed sub-map hub_from_this
   std::vector<VirtualLandmark> landmarks;
 };
 
@@ -49,14 +54,29 @@ struct LoopRecord {
   int demotions = 0;                                     // times it lost its confirmation
 };
 
+// What is left of the ties of condensed sub-maps: a row between two retained ones (condensation.hpp).
+struct CondensedEdge {
+  std::uint32_t a = 0;  // a < b
+  std::uint32_t b = 0;
+  UncertainPose a_from_b;
+  bool loop = false;  // a confirmed loop is part of it
+};
+
 // Vectors of one length: submaps, poses and links belong to the same indices.
 struct GraphModel {
   std::vector<SubmapRecord> submaps;
-  std::vector<Pose2> poses;       // map_from_submap
-  std::vector<ChainLink> links;   // links[k] ties k - 1 and k; links[0] is unused
-  std::vector<LoopRecord> loops;  // in order of discovery
+  std::vector<Pose2> poses;          // map_from_submap
+  std::vector<ChainLink> links;      // links[k] ties k - 1 and k, if neither is condensed; links[0] is unused
+  std::vector<LoopRecord> loops;     // in order of discovery; both sub-maps retained
+  std::vector<CondensedEdge> edges;  // one a pair, in order of (a, b); both sub-maps retained
 
   [[nodiscard]] UncertainPose measured(const LoopRecord& loop) const;
+  // Whether links[k] is a tie of the graph.
+  [[nodiscard]] bool has_link(std::uint32_t k) const {
+    return k > 0 && !submaps[k - 1].condensed() && !submaps[k].condensed();
+  }
+  // Condensed sub-maps follow their hubs.
+  void place_condensed();
 };
 
 // REQUIRES: at least one key-frame.

@@ -33,6 +33,10 @@ bool calls_for_jump(const GraphModel& model, const SubmapMatch& match) {
 
 }  // namespace
 
+double link_scale(const ChainLink& link) {
+  return link.landmarks.empty() ? 1.0 : 0.5;
+}
+
 Eigen::Matrix2d live_covariance(const Eigen::Matrix2d& covariance) {
   return covariance + kRigidSigmaM * kRigidSigmaM * Eigen::Matrix2d::Identity();
 }
@@ -41,10 +45,14 @@ LeastSquaresGraph build_live_graph(const GraphModel& model) {
   LeastSquaresGraph graph;
   graph.poses = model.poses;
   for (std::uint32_t k = 1; k < model.links.size(); ++k) {
+    if (!model.has_link(k)) continue;
     const ChainLink& link = model.links[k];
-    const double scale = link.landmarks.empty() ? 1.0 : 0.5;
+    const double scale = link_scale(link);
     graph.pose_rows.push_back({k - 1, k, link.edge.mean, whitening_or_soft(link.edge.covariance, scale)});
     add_landmarks(graph, link.landmarks, scale);
+  }
+  for (const CondensedEdge& edge : model.edges) {
+    graph.pose_rows.push_back({edge.a, edge.b, edge.a_from_b.mean, whitening_or_soft(edge.a_from_b.covariance)});
   }
   for (const LoopRecord& record : model.loops) {
     if (record.loop.state == LoopState::kConfirmed) add_landmarks(graph, record.landmarks, 1.0);
@@ -64,7 +72,10 @@ Expected<SolveSummary> solve_live(GraphModel& model, const std::vector<std::size
   }
   LeastSquaresGraph graph = build_live_graph(model);
   const auto summary = solve(graph, {kLiveIterations, kCauchyScale, cancelled, true});
-  if (summary) model.poses = std::move(graph.poses);
+  if (summary) {
+    model.poses = std::move(graph.poses);
+    model.place_condensed();
+  }
   return summary;
 }
 

@@ -14,7 +14,11 @@ namespace submapd::graph {
 // Covariance of a landmark in a sub-map that is taken as rigid: what it bends inside (2 cm over both sides) is added.
 [[nodiscard]] Eigen::Matrix2d live_covariance(const Eigen::Matrix2d& covariance);
 
-// Rows: link edges; landmarks of linked neighbours; landmarks of confirmed loops. Where neighbours have both, each
+// What a link's edge and its landmarks count each.
+[[nodiscard]] double link_scale(const ChainLink& link);
+
+// Rows: link edges; landmarks of linked neighbours; landmarks of confirmed loops; edges that stand for condensed
+// sub-maps, which have no rows of their own. Where neighbours have both, each
 // counts half, for they rest on partly the same scans (notes 11.2). Pending loops have no row.
 [[nodiscard]] LeastSquaresGraph build_live_graph(const GraphModel& model);
 

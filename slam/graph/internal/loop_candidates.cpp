@@ -37,11 +37,11 @@ std::vector<LoopCandidate> rank_candidates(const GraphModel& model, const PairTo
                                            std::uint32_t min_gap) {
   const SubmapMatcherOptions limits;
   std::vector<LoopCandidate> candidates;
-  const SubmapOutline& outline_b = model.submaps[b].outline;
-  const std::vector<RelativePose> from_b = uncertainty.paths_from(b);
+  const SubmapOutline& outline_b = *model.submaps[b].outline;
+  const RelativePoses from_b = uncertainty.paths_from(b);
   for (std::uint32_t a = 0; a + min_gap <= b; ++a) {
-    if (share_keyframes(model.submaps[a], model.submaps[b])) continue;
-    const SubmapOutline& outline_a = model.submaps[a].outline;
+    if (model.submaps[a].condensed() || share_keyframes(model.submaps[a], model.submaps[b])) continue;
+    const SubmapOutline& outline_a = *model.submaps[a].outline;
     const UncertainPose relative = inverse(from_b[a].pose);  // a_from_b
     const double gain = information_gain(relative.covariance);
     if (gain < kLeastGain) continue;

@@ -24,9 +24,9 @@ struct LoopCandidate {
 // Half widths in which the matcher seeks for a prior of that covariance: 3 sigma within its limits.
 [[nodiscard]] Eigen::Vector3d search_window(const Eigen::Matrix3d& covariance);
 
-// Partners of b among the earlier sub-maps: not its neighbour, no key-frame in common, within 3 sigma an overlap
-// that could be verified, and a relative pose that is not known well already. Best first; ties by index. `min_gap`:
-// least difference of the indices.
+// Partners of b among the earlier retained sub-maps: not its neighbour, no key-frame in common, within 3 sigma an
+// overlap that could be verified, and a relative pose that is not known well already. Best first; ties by index.
+// `min_gap`: least difference of the indices. REQUIRES: b is retained.
 [[nodiscard]] std::vector<LoopCandidate> rank_candidates(const GraphModel& model, const PairTools& tools,
                                                          const RelativeUncertainty& uncertainty, std::uint32_t b,
                                                          std::uint32_t min_gap);

@@ -65,7 +65,7 @@ std::vector<LoopCandidate> LoopSearch::spread_out(const GraphModel& model, const
   std::vector<LoopCandidate> chosen;
   std::vector<LoopCandidate> crowded;
   const auto place = [&](const LoopCandidate& candidate) {
-    return transform(model.poses[candidate.a], model.submaps[candidate.a].outline.centre);
+    return transform(model.poses[candidate.a], model.submaps[candidate.a].outline->centre);
   };
   for (const LoopCandidate& candidate : ranked) {
     const bool apart = std::all_of(chosen.begin(), chosen.end(), [&](const LoopCandidate& other) {
@@ -136,6 +136,11 @@ std::vector<VirtualLandmark> LoopSearch::tie_neighbours(const GraphModel& model,
     return {};
   }
   return landmarks;
+}
+
+void LoopSearch::forget(std::uint32_t submap) {
+  std::erase_if(tried_,
+                [submap](const auto& tried) { return tried.first.first == submap || tried.first.second == submap; });
 }
 
 std::size_t LoopSearch::bytes() const {

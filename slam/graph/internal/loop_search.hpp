@@ -38,6 +38,9 @@ class LoopSearch {
   [[nodiscard]] std::vector<VirtualLandmark> tie_neighbours(const GraphModel& model, const FinishedSubmap& newest,
                                                             std::size_t bytes_left);
 
+  // The sub-map is never searched again.
+  void forget(std::uint32_t submap);
+
   [[nodiscard]] std::uint64_t runs() const { return runs_; }
   [[nodiscard]] std::uint64_t refused() const { return refused_; }
   [[nodiscard]] std::uint64_t refused_for_memory() const { return refused_for_memory_; }

@@ -22,6 +22,16 @@ TEST(Health, SaysWhichScannerIsNotPluggedIn) {
   EXPECT_EQ(trouble_of(health_without_horizontal_scanner()), "horizontal scanner 00900001 is not plugged in");
 }
 
+TEST(Health, TellsThatTheSiteIsLargerThanTheGraph) {
+  Health health = health_without_horizontal_scanner();
+  health.scanners[0].present = true;
+  health.publisher.lcm = true;
+  health.optimizer.submaps_condensed = 100;
+  EXPECT_EQ(trouble_of(health), "") << "known space: nothing is missing";
+  health.optimizer.submaps_frozen = 7;
+  EXPECT_THAT(trouble_of(health), AllOf(HasSubstr("oldest 7 sub-maps"), HasSubstr("[budget] graph")));
+}
+
 // It says its serial number only after it was opened.
 TEST(Health, TellsOfAScannerThatIsPluggedInAndCannotBeOpened) {
   Health health = health_without_horizontal_scanner();

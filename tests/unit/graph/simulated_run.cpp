@@ -45,8 +45,14 @@ SubmapOutline outline_of(const FinishedSubmap& submap) {
   outline.centre = centre_of(submap);
   outline.radius_m = kReachM;
   const double cell = outline.coarse_cell_m;
-  const int cells = static_cast<int>(std::numbers::pi * kReachM * kReachM / (cell * cell));
-  outline.known.resize(static_cast<std::size_t>(cells));
+  const int reach = static_cast<int>(kReachM / cell) + 1;
+  const Eigen::Vector2i middle = (outline.centre / cell).array().floor().cast<int>();
+  for (int y = middle.y() - reach; y <= middle.y() + reach; ++y) {
+    for (int x = middle.x() - reach; x <= middle.x() + reach; ++x) {
+      if ((cell * Eigen::Vector2d(x + 0.5, y + 0.5) - outline.centre).norm() > kReachM) continue;
+      outline.known.push_back({static_cast<std::int16_t>(x), static_cast<std::int16_t>(y)});
+    }
+  }
   return outline;
 }
 

@@ -6,6 +6,7 @@
 #include <fstream>
 #include <thread>
 
+#include "slam/output/trajectory_file.hpp"
 #include "tests/support/random_submap.hpp"
 #include "tests/unit/output/scratch_folder.hpp"
 
@@ -158,10 +159,39 @@ TEST_F(RunOutputsTest, MarksLieBetweenTheScansAboutThem) {
 
 TEST_F(RunOutputsTest, ScansBeyondTheResultAreLeftOut) {
   result.keyframes.pop_back();
-  EXPECT_EQ(write(3, {}).error().code(), StatusCode::kInternal) << "a key-frame without a pose";
+  EXPECT_TRUE(spool->add({3'000'000, 80, {}, {}, true, false}).ok());
+  EXPECT_EQ(write(4, {}).error().code(), StatusCode::kInternal) << "a key-frame that follows none with a pose";
   const auto written = write(2, {});
   ASSERT_TRUE(written.has_value()) << written.error().message();
   EXPECT_FALSE(std::filesystem::exists(folder.path() / "marks.csv"));
+}
+
+// Condensed sub-maps have one optimised key-frame each. The filter saw 0.8 m, and then 0.8 m; the next key-frame that
+// is optimised lies 2 m ahead: what is missing is spread over the time between.
+TEST_F(RunOutputsTest, KeyframesOfCondensedSubmapsGoTheFiltersWay) {
+  result.keyframes = {{0, 1'000'000, {0.0, 0.0, 0.0}}, {80, 3'000'000, {2.0, 0.0, 0.0}}};
+  EXPECT_TRUE(spool->add({3'000'000, 80, {}, {0.8, 0.0, 0.0}, true, true}).ok());
+  EXPECT_TRUE(spool->add({3'500'000, 80, {0.4, 0.0, 0.0}, {}, false, false}).ok());
+  const auto written = write(5, {});
+  ASSERT_TRUE(written.has_value()) << written.error().message();
+  const auto lines = read_tum(folder.path() / "trajectory.tum");
+  ASSERT_TRUE(lines.has_value());
+  ASSERT_EQ(lines->size(), 5U);
+  const std::vector<double> expected{0.0, 0.5, 1.0, 2.0, 2.4};
+  for (std::size_t k = 0; k < expected.size(); ++k) EXPECT_NEAR((*lines)[k].pose.x, expected[k], 1e-6) << k;
+}
+
+// A disk that was full may have cost the record of a key-frame: its scans are left out, not the map.
+TEST_F(RunOutputsTest, ScansOfAKeyframeThatIsNotInTheSpoolAreLeftOut) {
+  EXPECT_TRUE(spool->add({3'100'000, 80, {0.1, 0.0, 0.0}, {}, false, false}).ok());  // its key-frame was not spooled
+  EXPECT_TRUE(spool->add({4'000'000, 120, {}, {1.0, 0.0, 0.0}, true, true}).ok());
+  result.keyframes.push_back({120, 4'000'000, {3.0, 0.0, 0.0}});
+  const auto written = write(5, {});
+  ASSERT_TRUE(written.has_value()) << written.error().message();
+  const auto lines = read_tum(folder.path() / "trajectory.tum");
+  ASSERT_TRUE(lines.has_value());
+  ASSERT_EQ(lines->size(), 4U);
+  EXPECT_NEAR(lines->back().pose.x, 3.0, 1e-6);
 }
 
 }  // namespace
