@@ -6,7 +6,7 @@
 namespace submapd {
 namespace {
 
-constexpr double kUnsteady = 0.5;      // mean square of the residuals in (careful) sigmas: beyond, the speed was not one
+constexpr double kUnsteady = 0.5;  // mean square of the residuals in (careful) sigmas: beyond, the speed was not one
 constexpr double kMapSigma_m = 0.003;  // no pose is better than the map
 
 }  // namespace

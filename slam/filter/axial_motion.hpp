@@ -1,9 +1,9 @@
 // Speed along a direction that few beams or none hold (design notes 5.4).
 //
-// Two estimates of the same motion. While few beams hold the axis: a Kalman filter over (position, speed) along it, so that
-// a dozen beams teach a new speed within a few scans and their noise does not. When nothing holds it any longer: the speed
-// of the longest steady stretch of the last second, which no single scan on the way out of sight can spoil; the cart then
-// goes on with that. One thread, does not allocate.
+// Two estimates of the same motion. While few beams hold the axis: a Kalman filter over (position, speed) along it, so
+// that a dozen beams teach a new speed within a few scans and their noise does not. When nothing holds it any longer:
+// the speed of the longest steady stretch of the last second, which no single scan on the way out of sight can spoil;
+// the cart then goes on with that. One thread, does not allocate.
 #pragma once
 
 #include <Eigen/Core>
@@ -13,14 +13,14 @@
 namespace submapd {
 
 struct AxialMotionOptions {
-  double push_density = 0.4;        // m^2/s^3, of white acceleration: 1 m/s^2 for half a second
-  double lost_push_density = 0.05;  // while nothing holds the axis: few beams more likely err than the cart is pushed
-  double lost_speed_sigma = 0.02;   // m/s, at least, when that begins
-  double first_sigma_m = 0.003;     // of a pose that walls all around held
-  double first_speed_sigma = 0.05;  // m/s, of a cart that was tracked so far ...
+  double push_density = 0.4;         // m^2/s^3, of white acceleration: 1 m/s^2 for half a second
+  double lost_push_density = 0.05;   // while nothing holds the axis: few beams more likely err than the cart is pushed
+  double lost_speed_sigma = 0.02;    // m/s, at least, when that begins
+  double first_sigma_m = 0.003;      // of a pose that walls all around held
+  double first_speed_sigma = 0.05;   // m/s, of a cart that was tracked so far ...
   double unknown_speed_sigma = 1.5;  // ... and of one that was not
-  double strong_information = 1e5;  // 1/m^2, of a scan that walls all around held
-  double kappa = 2.0;               // neighbouring beams are correlated: sigma^2 = kappa / information
+  double strong_information = 1e5;   // 1/m^2, of a scan that walls all around held
+  double kappa = 2.0;                // neighbouring beams are correlated: sigma^2 = kappa / information
 };
 
 class AxialMotion {

@@ -22,9 +22,9 @@ struct DegeneracyOptions {
   double min_associated = 40;  // points on surfaces, below which nothing is concluded
 };
 
-// Two questions a scan. Do the walls as a whole leave a direction weak? That is a ratio, latched, and tells the matcher to
-// believe only walls that face this axis. Do those few hold it? Ten beams on the end of a corridor do, and then nothing is
-// lost; where there are none, the scan is degenerate.
+// Two questions a scan. Do the walls as a whole leave a direction weak? That is a ratio, latched, and tells the matcher
+// to believe only walls that face this axis. Do those few hold it? Ten beams on the end of a corridor do, and then
+// nothing is lost; where there are none, the scan is degenerate.
 class DegeneracyMonitor {
  public:
   explicit DegeneracyMonitor(const DegeneracyOptions& options) : options_(options) {}
@@ -52,8 +52,8 @@ class DegeneracyMonitor {
   DegeneracyOptions options_;
   bool weak_ = false;
   bool active_ = false;
-  int good_scans_ = 0;  // in a row with more than leave_ratio
-  int held_scans_ = 0;  // in a row in which something held the axis
+  int good_scans_ = 0;   // in a row with more than leave_ratio
+  int held_scans_ = 0;   // in a row in which something held the axis
   int loose_scans_ = 0;  // in a row in which nothing did
   double axial_information_ = 0.0;
   double time_s_ = 0.0;  // degenerate since

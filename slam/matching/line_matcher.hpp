@@ -20,7 +20,7 @@ struct LineMatcherOptions {
   double tangential_gate_m = 0.15;  // beyond the end of the mapped part of a wall
   double cauchy_sigmas = 2.0;
   double kappa = 8.0;
-  double facing = 0.25;  // |n . a| from which a wall faces a weak axis a: more than normals err
+  double facing = 0.25;    // |n . a| from which a wall faces a weak axis a: more than normals err
   int standing_scans = 3;  // hit by fewer, it may be a person who walks, and tells nothing along a weak axis
   double stop_m = 0.0002;
   double stop_rad = 0.00005;

@@ -11,8 +11,8 @@ namespace submapd {
 struct MotionPrior {
   Pose2 pose;
   Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
-  // Unit vector, map frame, along which few walls hold the scan; zero: none. Along it the field does not count and of the
-  // surfaces only those that face it: a thousand normals that are off by some degrees outweigh ten honest beams.
+  // Unit vector, map frame, along which few walls hold the scan; zero: none. Along it the field does not count and of
+  // the surfaces only those that face it: a thousand normals that are off by some degrees outweigh ten honest beams.
   Eigen::Vector2d weak_axis = Eigen::Vector2d::Zero();
 };
 

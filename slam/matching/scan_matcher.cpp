@@ -23,7 +23,8 @@ MotionPrior held_along_axis(const MotionPrior& prior, const Pose2& start) {
 
 MatchResult match_scan(const ScanPoints& points, const DistanceView& field, const IndexMap& map, const Pose2& start,
                        const MotionPrior& prior, const ScanMatcherOptions& options) {
-  MatchResult result = match_field(points.thinned(), field, map.cell_m(), start, held_along_axis(prior, start), options.field);
+  MatchResult result =
+      match_field(points.thinned(), field, map.cell_m(), start, held_along_axis(prior, start), options.field);
   if (!options.use_lines) return result;
   const LineMatchResult lines =
       match_lines(points.all(), map.surface(), points.angle_step_rad(), result.pose, prior, options.lines);

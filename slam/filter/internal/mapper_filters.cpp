@@ -13,7 +13,7 @@ namespace {
 constexpr double kReunwarp_m_s = 0.05;
 constexpr double kReunwarp_rad_s = 0.0524;
 constexpr double kUnknownTurn_rad_s = 0.7;
-constexpr int kSpread = 8;  // particles for two places
+constexpr int kSpread = 8;         // particles for two places
 constexpr double kMoved_m = 0.01;  // less is standing: weights of a standing cart count the same evidence again
 constexpr double kMoved_rad = 0.0087;
 
@@ -35,7 +35,8 @@ void Mapper::Impl::set_prior(Particle& p, double step_s) const {
     const double sigma_m = options.axial.unknown_speed_sigma * step_s;
     const double sigma_rad = kUnknownTurn_rad_s * step_s;
     p.prior.information =
-        Eigen::Vector3d(1.0 / (sigma_m * sigma_m), 1.0 / (sigma_m * sigma_m), 1.0 / (sigma_rad * sigma_rad)).asDiagonal();
+        Eigen::Vector3d(1.0 / (sigma_m * sigma_m), 1.0 / (sigma_m * sigma_m), 1.0 / (sigma_rad * sigma_rad))
+            .asDiagonal();
   }
   if (!degeneracy.weak()) return;
   p.prior.weak_axis = degeneracy.axis();

@@ -24,12 +24,17 @@ Eigen::Matrix3d information(double ratio, double axis_rad, double scale = 1e6) {
   return H;
 }
 
+// Nothing faces the axis.
+void lose(DegeneracyMonitor& monitor) {
+  for (int k = 0; k < DegeneracyOptions{}.lost_scans; ++k) monitor.hold(0.0);
+}
+
 TEST(DegeneracyMonitorTest, EntersAtOnceAndKnowsTheAxis) {
   DegeneracyMonitor monitor{DegeneracyOptions{}};
   monitor.update(information(0.021, 0.7), 500, kStep_s);
-  EXPECT_FALSE(monitor.active());
+  EXPECT_FALSE(monitor.weak());
   monitor.update(information(0.019, 0.7), 500, kStep_s);
-  ASSERT_TRUE(monitor.active());
+  ASSERT_TRUE(monitor.weak());
   EXPECT_NEAR(std::abs(monitor.axis().dot(Eigen::Vector2d(std::cos(0.7), std::sin(0.7)))), 1.0, 1e-6);
   EXPECT_NEAR(monitor.axis().norm(), 1.0, 1e-9);
 }
@@ -39,7 +44,7 @@ TEST(DegeneracyMonitorTest, ABlankCorridorHasNothingAlong) {
   Eigen::Matrix3d H = Eigen::Matrix3d::Zero();
   H(1, 1) = 1e6;
   monitor.update(H, 500, kStep_s);
-  ASSERT_TRUE(monitor.active());
+  ASSERT_TRUE(monitor.weak());
   EXPECT_NEAR(std::abs(monitor.axis().x()), 1.0, 1e-9);
 }
 
@@ -48,34 +53,57 @@ TEST(DegeneracyMonitorTest, StaysBetweenTheThresholdsAndLeavesAfterEightGoodScan
   DegeneracyMonitor monitor(options);
   monitor.update(information(0.01, 0.0), 500, kStep_s);
   for (int k = 0; k < 100; ++k) monitor.update(information(0.05, 0.0), 500, kStep_s);
-  EXPECT_TRUE(monitor.active()) << "0.05 is between 0.02 and 0.06";
+  EXPECT_TRUE(monitor.weak()) << "0.05 is between 0.02 and 0.06";
   for (int k = 0; k < options.leave_scans - 1; ++k) monitor.update(information(0.07, 0.0), 500, kStep_s);
-  EXPECT_TRUE(monitor.active());
+  EXPECT_TRUE(monitor.weak());
   monitor.update(information(0.05, 0.0), 500, kStep_s);  // breaks the row
   for (int k = 0; k < options.leave_scans - 1; ++k) monitor.update(information(0.07, 0.0), 500, kStep_s);
-  EXPECT_TRUE(monitor.active());
+  EXPECT_TRUE(monitor.weak());
   monitor.update(information(0.07, 0.0), 500, kStep_s);
-  EXPECT_FALSE(monitor.active());
+  EXPECT_FALSE(monitor.weak());
   EXPECT_EQ(monitor.axial_variance_m2(), 0.0);
 }
 
 TEST(DegeneracyMonitorTest, FewPointsConcludeNothing) {
   DegeneracyMonitor monitor{DegeneracyOptions{}};
   monitor.update(information(0.001, 0.0), 39, kStep_s);
-  EXPECT_FALSE(monitor.active());
+  EXPECT_FALSE(monitor.weak());
   monitor.update(Eigen::Matrix3d::Zero(), 0, kStep_s);
-  EXPECT_FALSE(monitor.active());
+  EXPECT_FALSE(monitor.weak());
   monitor.update(information(0.001, 0.0), 40, kStep_s);
-  EXPECT_TRUE(monitor.active());
+  EXPECT_TRUE(monitor.weak());
+  lose(monitor);
   for (int k = 0; k < 50; ++k) monitor.update(information(0.5, 0.0), 39, kStep_s);
   EXPECT_TRUE(monitor.active());
   EXPECT_NEAR(monitor.time_s(), 50 * kStep_s, 1e-9) << "time passes all the same";
+}
+
+TEST(DegeneracyMonitorTest, AFewBeamsThatFaceTheAxisHoldIt) {
+  const DegeneracyOptions o;
+  const double lost = o.kappa / (o.lost_sigma_m * o.lost_sigma_m);
+  const double found = o.kappa / (o.found_sigma_m * o.found_sigma_m);
+  DegeneracyMonitor monitor(o);
+  monitor.update(information(0.001, 0.0), 500, kStep_s);
+  for (int k = 0; k < 100; ++k) monitor.hold(1.01 * lost);
+  EXPECT_FALSE(monitor.active()) << "weak, but held";
+  for (int k = 0; k < o.lost_scans - 1; ++k) monitor.hold(0.99 * lost);
+  EXPECT_FALSE(monitor.active()) << "one scan's people are not the end of a wall";
+  monitor.hold(1.01 * lost);
+  for (int k = 0; k < o.lost_scans; ++k) monitor.hold(0.99 * lost);
+  EXPECT_TRUE(monitor.active());
+  for (int k = 0; k < 100; ++k) monitor.hold(0.99 * found);
+  EXPECT_TRUE(monitor.active()) << "between the thresholds";
+  for (int k = 0; k < o.leave_scans; ++k) monitor.hold(1.01 * found);
+  EXPECT_FALSE(monitor.active());
+  EXPECT_TRUE(monitor.weak());
+  EXPECT_EQ(monitor.axial_information(), 1.01 * found);
 }
 
 TEST(DegeneracyMonitorTest, VarianceAlongTheAxisGrowsAsDocumented) {
   const DegeneracyOptions o;
   DegeneracyMonitor monitor(o);
   monitor.update(information(0.01, 0.0), 500, 1.0);
+  lose(monitor);
   EXPECT_EQ(monitor.axial_variance_m2(), 0.0) << "nothing is lost at entry";
   double before = 0.0;
   for (int k = 1; k <= 10; ++k) {
@@ -89,6 +117,7 @@ TEST(DegeneracyMonitorTest, VarianceAlongTheAxisGrowsAsDocumented) {
   // A new span starts from nothing.
   for (int k = 0; k < o.leave_scans; ++k) monitor.update(information(0.5, 0.0), 500, 1.0);
   monitor.update(information(0.01, 0.0), 500, 1.0);
+  lose(monitor);
   EXPECT_TRUE(monitor.active());
   EXPECT_EQ(monitor.axial_variance_m2(), 0.0);
 }

@@ -150,16 +150,48 @@ TEST(CorridorTest, PriorHoldsTheAxisThatNobodySees) {
 TEST(CorridorTest, InformationAlongTheAxisIsNearZero) {
   const Corridor corridor;
   const Pose2 truth{0.0, 0.05, 0.0};
-  const LineSystem system = line_system(corridor.scan(truth), corridor.map.map.surface(), kExactStep_rad, truth, {});
+  const LineSystem system =
+      line_system(corridor.scan(truth), corridor.map.map.surface(), kExactStep_rad, truth, {}, {});
   const Eigen::Matrix3d& H = system.equations.H;
   EXPECT_GT(system.associated, 200);
   EXPECT_LT(H(0, 0), 1e-3 * H(1, 1));
   const Eigen::Vector2d values = principal_axes(Eigen::Matrix2d(H.topLeftCorner<2, 2>())).values;
   EXPECT_LT(values(0) / values(1), 1e-3);
   const LineSystem in_room =
-      line_system(exact_scan(room(), kTruth), room_map().map.surface(), kExactStep_rad, kTruth, {});
+      line_system(exact_scan(room(), kTruth), room_map().map.surface(), kExactStep_rad, kTruth, {}, {});
   const Eigen::Vector2d held = principal_axes(Eigen::Matrix2d(in_room.equations.H.topLeftCorner<2, 2>())).values;
   EXPECT_GT(held(0) / held(1), 0.1);
+}
+
+// The corridor's end, three metres ahead of where it is seen from.
+TEST(CorridorTest, OnlyWhatFacesAWeakAxisSpeaksAlongIt) {
+  const Pose2 truth{0.0, 0.05, 0.01};
+  const Eigen::Vector2d along = Eigen::Vector2d::UnitX();
+  const Corridor blank;
+  const LineSystem nothing = line_system(blank.scan(truth), blank.map.map.surface(), kExactStep_rad, truth, along, {});
+  EXPECT_EQ(nothing.axial_information, 0.0);
+  EXPECT_EQ(nothing.equations.H(0, 0), 0.0) << "normals that are a little off count nothing along the axis";
+  EXPECT_GT(nothing.equations.H(1, 1), 1e5);
+
+  const World closed{{-200.0, -1.02, 3.0, -1.02}, {-200.0, 1.03, 3.0, 1.03}, {3.0, -1.02, 3.0, 1.03}};
+  std::vector<Pose2> walk;
+  for (int i = -30; i <= 0; ++i) walk.push_back({0.1 * i, 0.1 * (i % 3), 0.0});
+  const RoomMap map(closed, walk);
+  std::vector<ScanPoint> points = exact_scan(closed, truth);
+  std::erase_if(points, [](const ScanPoint& p) { return p.range_m > 5.0F; });
+  MotionPrior prior;
+  prior.pose = {0.03, 0.05, 0.01};
+  prior.information = Eigen::Vector3d(100.0, 100.0, 100.0).asDiagonal();
+  prior.weak_axis = along;
+  const LineSystem end = line_system(points, map.map.surface(), kExactStep_rad, prior.pose, along, {});
+  EXPECT_GT(end.axial_information, 1e5);
+  const LineMatchResult found = match_lines(points, map.map.surface(), kExactStep_rad, prior.pose, prior, {});
+  EXPECT_NEAR(found.match.pose.x, truth.x, 0.002);
+  EXPECT_NEAR(found.match.pose.y, truth.y, 0.002);
+
+  LineMatcherOptions careful;
+  careful.standing_scans = 1000;  // more scans than there were: as many as there were must do
+  EXPECT_GT(line_system(points, map.map.surface(), kExactStep_rad, prior.pose, along, careful).axial_information, 0.0);
 }
 
 TEST(FieldMatcherTest, SaturatedPointsDoNotPull) {
