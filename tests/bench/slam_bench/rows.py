@@ -128,10 +128,10 @@ def accident_row(name, what, operation, *arguments):
 
 # --- corridor -----------------------------------------------------------------------------------------------------
 
-def corridor_row(name, what, *options):
+def corridor_row(name, what):
     figures = (Figure("length error %", scored("length_error", 100.0), 0.5), rmse(None, None),
                Figure("degenerate s", measured("degenerate_s"), digits=1), BREAKS)
-    return Row(name, what, lambda seed: one(Simulated("corridor", seed, ("--speed", "3", *options)), 60.0), figures,
+    return Row(name, what, lambda seed: one(Simulated(name, seed, ("--speed", "3")), 60.0), figures,
                seeds=20)
 
 
@@ -211,10 +211,9 @@ ROWS = (
                           ("columns", "car_park"))),
     not_built("loop-trials", "1 000 loop trials each with random priors",
               "needs a program that draws trials from sub-maps"),
-    corridor_row("corridor", "200 m blank, the tour as it is"),
-    corridor_row("corridor-steady", "200 m blank, exactly steady", "--steady"),
-    corridor_row("corridor-ripple", "200 m blank, 3 % cadence ripple", "--ripple"),
-    corridor_row("corridor-braking", "200 m blank, braking in it", "--braking"),
+    corridor_row("corridor", "200 m blank, steady"),
+    corridor_row("corridor_ripple", "200 m blank, 3 % cadence ripple"),
+    corridor_row("corridor_braking", "200 m blank, braking in it"),
     accident_row("kidnap", "put down 8 m away, between two scans", "kidnap", "0"),
     accident_row("kidnap-10s", "the same, 10 s without scans", "kidnap", "10"),
     accident_row("carried", "the same, 5 s of scans that see nothing", "carried"),
