@@ -6,9 +6,9 @@
 // younger takes its place, having half of its length mapped already. Poses inside are in the front sub-map's frame; the
 // "odom" frame strings the sub-maps together and is continuous but for breaks.
 //
-// Three filters (paper eq. (1)-(2), design notes 6): kAdaptive keeps one particle while the pose is well observed and
-// spreads where it is not; kRbpf keeps a fixed number with the improved proposal; kFastSlam is grid-based FastSLAM as
-// in textbooks: sample motion, weigh by the particle's own map, update it, resampling wheel.
+// Three filters (paper eq. (1)-(2), design notes 6): kAdaptive keeps one particle and spreads where a
+// second place is nearly as likely; kRbpf keeps a fixed number with the improved proposal; kFastSlam is grid-based
+// FastSLAM as in textbooks: sample motion, weigh by the particle's own map, update it, resampling wheel.
 #pragma once
 
 #include <memory>
