@@ -9,8 +9,14 @@ namespace submapd {
 // freed serves the next, and the largest use of a run does not stay with the process. Call first thing in main().
 void set_up_allocator();
 
-// Of heap beside the budgets: a match of two sub-maps, a live solve, messages.
-inline constexpr std::size_t kWorkHeap_bytes = 16U << 20;
+// Of heap beside the budgets: a match of two sub-maps, messages, and the live solver, which takes up to four times what
+// the graph takes. Not more than the 40 MB beside the budgets leave after code and stacks.
+[[nodiscard]] constexpr std::size_t work_heap_bytes(std::size_t graph_bytes) {
+  constexpr std::size_t kMatch_bytes = 20U << 20;
+  constexpr std::size_t kMostSolver_bytes = 24U << 20;
+  constexpr std::size_t kSolverPart = 4;
+  return kMatch_bytes + (graph_bytes < kMostSolver_bytes / kSolverPart ? kSolverPart * graph_bytes : kMostSolver_bytes);
+}
 
 // Takes and touches so much free heap now, for good: what fills a budget in the course of hours is resident from the
 // start, and a machine too small for it shows that at once. For a program that runs for long, once its pools are made

@@ -72,7 +72,7 @@ struct Configuration {
   HookConfiguration hook;
   MapperOptions mapper;
   std::size_t submap_cache_bytes = std::size_t{16} << 20;
-  std::size_t graph_bytes = std::size_t{16} << 20;
+  std::size_t graph_bytes = std::size_t{6} << 20;
   std::size_t map_raster_bytes = std::size_t{32} << 20;
 };
 

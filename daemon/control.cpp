@@ -21,7 +21,6 @@
 namespace submapd {
 namespace {
 
-constexpr std::int64_t kSecond_ns = 1'000'000'000;
 constexpr std::int64_t kLook_ns = kSecond_ns / 10;
 constexpr std::int64_t kButtonLook_ns = 2 * kSecond_ns;
 
@@ -283,7 +282,7 @@ ControlReply Control::answer_health(const ControlRequest& request) {
 
 Expected<SaveProgress> Control::start_save(const ControlRequest& request) {
   Expected<SaveProgress> progress =
-      run_.saver().start({request.id, request.name, request.force, request.cloud, false, marks_});
+      run_.saver().start({request.id, request.name, request.force, request.cloud, false, marks_.in_order()});
   hook_.tell(progress ? HookEvent{"save-started", "", "saving " + progress->name}
                       : HookEvent{"save-refused", "", progress.error().message()});
   return progress;
@@ -308,21 +307,23 @@ ControlReply Control::answer_save(const ControlRequest& request, const ControlPe
 }
 
 ControlReply Control::answer_mark(const ControlRequest& request) {
-  if (marks_.size() >= kMostMarks) {
-    return refusal(request.id, {StatusCode::kExhausted, fmt::format("the run has {} marks already", kMostMarks)});
+  std::optional<Mark> mark = marks_.find(request.id, request.name, request.utime_us);
+  if (!mark) {
+    if (marks_.full()) {
+      return refusal(request.id,
+                     {StatusCode::kExhausted, fmt::format("the run has {} marks already", MarkList::kMost)});
+    }
+    mark = Mark{request.name, request.utime_us.value_or(run_.clock().utime_us())};
+    if (!run_.recorder().note(MarkSet{mark->utime_us, mark->name})) {
+      return refusal(request.id, {StatusCode::kUnavailable, "the disk does not keep up; try again"});
+    }
+    marks_.add(request.id, *mark);
   }
-  const Mark mark{request.name, request.utime_us.value_or(run_.clock().utime_us())};
-  if (!run_.recorder().note(MarkSet{mark.utime_us, mark.name})) {
-    return refusal(request.id, {StatusCode::kUnavailable, "the disk does not keep up; try again"});
-  }
-  const auto later = std::upper_bound(marks_.begin(), marks_.end(), mark.utime_us,
-                                      [](std::int64_t utime_us, const Mark& m) { return utime_us < m.utime_us; });
-  marks_.insert(later, mark);
   return {request.id,
           ReplyState::kDone,
-          fmt::format("marked {}", mark.name),
+          fmt::format("marked {}", mark->name),
           StatusCode::kOk,
-          {{"utime_us", mark.utime_us}}};
+          {{"utime_us", mark->utime_us}}};
 }
 
 ControlReply Control::answer_command(const ControlRequest& request) {

@@ -20,6 +20,7 @@
 #include "daemon/lcm_requests.hpp"
 #include "daemon/live_run.hpp"
 #include "daemon/map_button.hpp"
+#include "daemon/mark_list.hpp"
 #include "daemon/service_manager.hpp"
 
 namespace submapd {
@@ -41,8 +42,6 @@ class Control {
   [[nodiscard]] End serve();
 
  private:
-  static constexpr std::size_t kMostMarks = 10'000;
-
   void add(int fd, EventLoop::Callback callback);
   void on_signal();
   void on_hangup();
@@ -81,7 +80,7 @@ class Control {
   std::int64_t fed_ns_ = 0;
   std::int64_t looked_at_button_ns_ = 0;
   std::string told_;
-  std::vector<Mark> marks_;
+  MarkList marks_;
   std::set<std::uint64_t> waiting_;            // clients that want to know how the save goes
   std::optional<LcmCommand> waiting_command_;  // over LCM: that began the save
   SaveProgress told_progress_;

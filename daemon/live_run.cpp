@@ -17,8 +17,7 @@
 namespace submapd {
 namespace {
 
-constexpr std::size_t kReports = 160;  // four seconds
-constexpr std::int64_t kSecond_ns = 1'000'000'000;
+constexpr std::size_t kReports = 160;                     // four seconds
 constexpr std::int64_t kDiskRate_ns = 10 * kSecond_ns;    // over which the raw log's growth is measured
 constexpr std::int64_t kAfterLast_us = 1'000'000;         // a run goes on at least this long after its newest scan
 constexpr std::chrono::milliseconds kSavePatience{5000};  // at the end of a run
@@ -44,7 +43,8 @@ Expected<std::unique_ptr<LiveRun>> LiveRun::start(const Configuration& configura
     if (Status status = run->choose_run(input); !status.ok()) return failure(status);
     if (Status status = run->open_files(); !status.ok()) return failure(status);
     if (Status status = run->start_threads(); !status.ok()) return failure(status);
-    reserve_heap(configuration.submap_cache_bytes + configuration.graph_bytes + kWorkHeap_bytes);
+    reserve_heap(configuration.submap_cache_bytes + configuration.graph_bytes +
+                 work_heap_bytes(configuration.graph_bytes));
     return run;
   } catch (const std::exception& error) {  // no memory, no threads, no descriptors
     return failure(StatusCode::kInternal, fmt::format("cannot start: {}", error.what()));
@@ -56,6 +56,8 @@ LiveRun::LiveRun(const Configuration& configuration)
       mapper_bell_(make_doorbell()),
       recorder_bell_(make_doorbell()),
       publisher_bell_(make_doorbell()),
+      input_bell_(make_doorbell()),
+      room_(input_bell_),
       to_publisher_(kReports, &publisher_bell_),
       to_recorder_(kReports, &recorder_bell_),
       clock_watch_(RunClock::system_offset_ns()) {}
@@ -108,19 +110,19 @@ Status LiveRun::open_files() {
       SubmapArchive::open(folder_.submaps(), configuration_.submap_cache_bytes);
   if (!archive) return archive.error();
   archive_ = std::move(*archive);
-  const std::int64_t until_us = resume_ ? resume_->mapped_until_us() : std::numeric_limits<std::int64_t>::min();
-  if (resume_) {  // before poses are cut away
-    const Expected<std::unique_ptr<PoseSpool>> all =
-        PoseSpool::open(folder_.poses(), std::numeric_limits<std::int64_t>::max());
-    if (!all) return all.error();
-    Expected<std::vector<Standstill>> standstills = find_standstills(**all, until_us);
-    if (!standstills) return standstills.error();
-    resume_->standstills = std::move(*standstills);
-  }
-  Expected<std::unique_ptr<PoseSpool>> poses = PoseSpool::open(folder_.poses(), until_us);
+  Expected<std::unique_ptr<PoseSpool>> poses = PoseSpool::open(folder_.poses());
   if (!poses) return poses.error();
   poses_ = std::move(*poses);
-  return resume_ && resume_->last ? add_missing_poses() : Status();
+  return resume_ ? go_on_with_poses() : Status();
+}
+
+Status LiveRun::go_on_with_poses() {
+  const std::int64_t until_us = resume_->mapped_until_us();
+  Expected<std::vector<Standstill>> standstills = find_standstills(*poses_, until_us);  // before they are cut away
+  if (!standstills) return standstills.error();
+  resume_->standstills = std::move(*standstills);
+  if (Status status = poses_->keep_until(until_us); !status.ok()) return status;
+  return resume_->last ? add_missing_poses() : Status();
 }
 
 // The newest poses may not have reached the disk: key-frames tell theirs.
@@ -175,7 +177,7 @@ void LiveRun::start_mapper() {
     options.after_us = resume_->last_stamp_us[0];
   }
   mapper_ = std::make_unique<MapperThread>(options, folder_.cart, folder_.run, folder_.clock, input_->mapper_ring(),
-                                           mapper_bell_, pause_, to_publisher_, to_recorder_);
+                                           mapper_bell_, room_, pause_, to_publisher_, to_recorder_);
 }
 
 Status LiveRun::start_threads() {
@@ -183,7 +185,7 @@ Status LiveRun::start_threads() {
   start_optimizer(channels);
   publisher_ = std::make_unique<PublisherThread>(
       PublisherThreadOptions{configuration_.lcm.url, channels, !optimizer_lcm_->good()}, folder_.cart, folder_.run,
-      folder_.clock, to_publisher_, publisher_bell_, *optimizer_thread_);
+      folder_.clock, to_publisher_, publisher_bell_, room_, *optimizer_thread_);
   RecorderStart start;
   if (resume_) {
     start.raw_file = resume_->next_raw_file;
@@ -205,6 +207,7 @@ Status LiveRun::start_threads() {
                                                              to_recorder_,
                                                              pause_,
                                                              recorder_bell_,
+                                                             room_,
                                                              *mapper_,
                                                              *archive_,
                                                              hashes_,
@@ -219,12 +222,13 @@ Status LiveRun::start_threads() {
   input_watch_.emplace(input_->heartbeat());
   resume_.reset();
 
-  input_->wait_for([this] {
+  const auto has_room = [this] {
     return input_->mapper_ring().size() < kWaiting && !mapper_->has_finished() &&
            input_->recorder_ring(driver::SensorRole::kHorizontal).size() < kUnwritten &&
            input_->recorder_ring(driver::SensorRole::kVertical).size() < kUnwritten &&
            to_recorder_.size() < kReports / 2 && to_publisher_.size() < kReports / 2;
-  });
+  };
+  input_->wait_for(has_room, room_);
   join_odometry();
   if (Status status = input_->start(); !status.ok()) return status;
   for (const Status* const priority : {&input_->priority(), &mapper_->priority()}) {

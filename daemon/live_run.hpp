@@ -17,6 +17,7 @@
 #include "daemon/odometry_input.hpp"
 #include "daemon/recorder_thread.hpp"
 #include "daemon/resume_point.hpp"
+#include "daemon/room_bell.hpp"
 #include "daemon/run_folder.hpp"
 #include "daemon/scan_input.hpp"
 
@@ -57,6 +58,7 @@ class LiveRun {
   explicit LiveRun(const Configuration& configuration);
   [[nodiscard]] Status choose_run(const std::string& input);
   [[nodiscard]] Status open_files();
+  [[nodiscard]] Status go_on_with_poses();
   [[nodiscard]] Status add_missing_poses();
   [[nodiscard]] Status start_threads();
   void start_optimizer(const Channels& channels);
@@ -84,6 +86,8 @@ class LiveRun {
   driver::Doorbell mapper_bell_;
   driver::Doorbell recorder_bell_;
   driver::Doorbell publisher_bell_;
+  driver::Doorbell input_bell_;
+  RoomBell room_;  // in the rings, for an input that waits
   PauseWindow pause_;
   ReportRing to_publisher_;
   ReportRing to_recorder_;

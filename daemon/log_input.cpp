@@ -13,8 +13,7 @@
 namespace submapd {
 namespace {
 
-constexpr std::chrono::microseconds kLookAgain{50};
-constexpr std::chrono::milliseconds kRest{100};
+constexpr std::chrono::milliseconds kRest{100};  // between heartbeats
 
 }  // namespace
 
@@ -49,6 +48,7 @@ Status LogInput::start() {
 void LogInput::stop() {
   if (!thread_.joinable()) return;
   thread_.request_stop();
+  if (room_ != nullptr) room_->ring();
   thread_.join();
 }
 
@@ -90,10 +90,8 @@ Status LogInput::feed(const std::stop_token& stop) {
       continue;
     }
     if (message.scan.stamp_us <= skip_until_us_[static_cast<std::size_t>(role)]) continue;
-    while (!ready_() && !stop.stop_requested()) {
-      heartbeat_.beat();
-      std::this_thread::sleep_for(kLookAgain);
-    }
+    const auto may_go_on = [&] { return has_room_() || stop.stop_requested(); };
+    while (room_ != nullptr && !room_->wait(may_go_on, kRest)) heartbeat_.beat();
     const std::int64_t now_ns = message.scan.stamp_us * 1000;
     now_ns_->store(std::max(now_ns, now_ns_->load()));
     push(role, message);

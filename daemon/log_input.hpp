@@ -27,7 +27,10 @@ class LogInput final : public ScanInput {
   [[nodiscard]] std::string kind() const override { return "file"; }
   [[nodiscard]] RunClock clock(std::optional<std::int64_t> /*after_us*/) const override { return RunClock(now_ns_); }
   [[nodiscard]] ScanGeometry geometry() const override { return geometry_; }
-  void wait_for(std::function<bool()> ready) override { ready_ = std::move(ready); }
+  void wait_for(const std::function<bool()>& has_room, RoomBell& room) override {
+    has_room_ = has_room;
+    room_ = &room;
+  }
   void skip_until(const std::array<std::int64_t, driver::kSensorRoles>& stamps_us) override {
     skip_until_us_ = stamps_us;
   }
@@ -43,7 +46,8 @@ class LogInput final : public ScanInput {
   std::unique_ptr<ScanLog> log_;
   std::optional<LoggedScan> first_;
   ScanGeometry geometry_;
-  std::function<bool()> ready_ = [] { return true; };
+  std::function<bool()> has_room_;
+  RoomBell* room_ = nullptr;  // that of whoever makes room; nullptr: never waits
   std::array<std::int64_t, driver::kSensorRoles> skip_until_us_{};
   std::shared_ptr<std::atomic<std::int64_t>> now_ns_ = std::make_shared<std::atomic<std::int64_t>>(0);
   Heartbeat heartbeat_;

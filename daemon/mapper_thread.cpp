@@ -14,7 +14,6 @@ namespace {
 constexpr std::chrono::milliseconds kIdle{100};  // between heartbeats when no scan comes
 constexpr std::chrono::milliseconds kSnapshotPatience{2000};
 constexpr std::chrono::milliseconds kTakePatience{5000};
-constexpr std::chrono::milliseconds kLookAgain{1};
 
 // Of a scan at the place of another.
 ScanReport same_place(ScanReport report, const Scan& scan) {
@@ -35,18 +34,20 @@ driver::Doorbell make_doorbell() {
 }
 
 MapperThread::MapperThread(const MapperThreadOptions& options, const Uuid& cart, const Uuid& run, RunClock clock,
-                           driver::ScanRing& scans, driver::Doorbell& bell, const PauseWindow& pause,
+                           driver::ScanRing& scans, driver::Doorbell& bell, RoomBell& room, const PauseWindow& pause,
                            ReportRing& to_publisher, ReportRing& to_recorder)
     : options_(options),
       cart_(cart),
       run_(run),
       scans_(scans),
       bell_(bell),
+      room_(room),
       pause_(pause),
       to_publisher_(to_publisher),
       to_recorder_(to_recorder),
       stamper_(std::move(clock), options.geometry, options.first_index, options.after_us),
-      snapshot_bell_(make_doorbell()) {
+      snapshot_bell_(make_doorbell()),
+      backlog_bell_(make_doorbell()) {
   std::promise<void> ready;
   std::future<void> made = ready.get_future();
   thread_ = std::thread([this, &ready] {
@@ -87,12 +88,17 @@ void MapperThread::stop(Stop how) {
   if (!thread_.joinable()) return;
   stop_.store(how);
   bell_.ring();
+  backlog_room_.ring();
   thread_.join();
 }
 
 std::optional<FinishedSubmap> MapperThread::take_finished() {
   std::optional<FinishedSubmap> taken = mapper_->take_finished();
-  if (taken) bell_.ring();  // the end of the run may wait for this
+  if (taken) {
+    bell_.ring();  // the end of the run may wait for this
+    backlog_room_.ring();
+    room_.ring();
+  }
   return taken;
 }
 
@@ -134,10 +140,7 @@ void MapperThread::work_off_backlog() {
     const auto taken = [this] {
       return (to_recorder_.size() < to_recorder_.capacity() && !mapper_->has_finished()) || stop_.load() != Stop::kNo;
     };
-    while (!taken()) {
-      std::this_thread::sleep_for(kLookAgain);
-      heartbeat_.beat();
-    }
+    while (!backlog_room_.wait(taken, kIdle)) heartbeat_.beat();
     if (stop_.load() != Stop::kNo) {
       whole_ = false;
       return;
@@ -145,6 +148,7 @@ void MapperThread::work_off_backlog() {
     while (standstill != options_.standstills.end() && standstill->last_us < scan->stamp_us) ++standstill;
     const bool stood = before && standstill != options_.standstills.end() && standstill->contains(scan->stamp_us);
     const ScanReport report = stood ? same_place(*before, *scan) : mapper_->process(*scan);
+    if (stood) mapper_->stood_until(scan->stamp_us);
     before = report;
     MappedScan* const slot = to_recorder_.claim();
     *slot = {report, scan->stamp_us * 1000};
@@ -201,6 +205,7 @@ void MapperThread::process_waiting() {
         std::this_thread::sleep_for(std::chrono::duration<double, std::milli>(options_.slow_ms));
     }
     scans_.pop();
+    room_.ring();
     ++popped_;
     heartbeat_.beat();
     serve_snapshot();

@@ -18,6 +18,7 @@
 
 #include "daemon/heartbeat.hpp"
 #include "daemon/pause_window.hpp"
+#include "daemon/room_bell.hpp"
 #include "daemon/scan_stamper.hpp"
 #include "driver/ring/scan_ring.hpp"
 #include "slam/base/status.hpp"
@@ -72,10 +73,10 @@ struct OpenRun {
 
 class MapperThread {
  public:
-  // Starts. `bell` is rung by the producer of `scans`. All must outlive the object.
+  // Starts. `bell` is rung by the producer of `scans`; `room` when there is room in them. All must outlive the object.
   MapperThread(const MapperThreadOptions& options, const Uuid& cart, const Uuid& run, RunClock clock,
-               driver::ScanRing& scans, driver::Doorbell& bell, const PauseWindow& pause, ReportRing& to_publisher,
-               ReportRing& to_recorder);
+               driver::ScanRing& scans, driver::Doorbell& bell, RoomBell& room, const PauseWindow& pause,
+               ReportRing& to_publisher, ReportRing& to_recorder);
   MapperThread(const MapperThread&) = delete;
   MapperThread& operator=(const MapperThread&) = delete;
   // Without finish() the open sub-map is given up.
@@ -88,6 +89,8 @@ class MapperThread {
 
   [[nodiscard]] bool has_finished() const { return mapper_->has_finished(); }
   [[nodiscard]] std::optional<FinishedSubmap> take_finished();
+  // Reports were taken from `to_recorder`: a run that is resumed waits for room there.
+  void reports_taken() { backlog_room_.ring(); }
 
   // A copy of the run between two scans. kUnavailable if the mapper has not answered within two seconds.
   [[nodiscard]] Expected<OpenRun> snapshot();
@@ -115,6 +118,7 @@ class MapperThread {
   const Uuid run_;
   driver::ScanRing& scans_;
   driver::Doorbell& bell_;
+  RoomBell& room_;
   const PauseWindow& pause_;
   ReportRing& to_publisher_;
   ReportRing& to_recorder_;
@@ -136,6 +140,8 @@ class MapperThread {
   std::atomic<bool> snapshot_ready_{false};
   OpenRun snapshot_;  // the mapper's until ready, then the saver's
   driver::Doorbell snapshot_bell_;
+  driver::Doorbell backlog_bell_;  // not bell_, which would wake the thread for nothing once it maps live
+  RoomBell backlog_room_{backlog_bell_};
 
   std::atomic<std::uint64_t> mapped_{0};
   std::atomic<std::uint64_t> skipped_{0};

@@ -16,7 +16,6 @@ namespace submapd {
 namespace {
 
 constexpr std::chrono::milliseconds kIdle{100};
-constexpr std::int64_t kSecond_ns = 1'000'000'000;
 constexpr std::int64_t kFirstPatience_ns = 2 * kSecond_ns;  // before another try for a network, doubling
 constexpr std::int64_t kLongestPatience_ns = 60 * kSecond_ns;
 constexpr std::chrono::milliseconds kGraphPace{2};  // between its parts
@@ -28,13 +27,15 @@ constexpr std::size_t kLatencyStep = 40;  // a second between two looks at the p
 }  // namespace
 
 PublisherThread::PublisherThread(PublisherThreadOptions options, const Uuid& cart, const Uuid& run, RunClock clock,
-                                 ReportRing& reports, driver::Doorbell& bell, const OptimizerThread& optimizer)
+                                 ReportRing& reports, driver::Doorbell& bell, RoomBell& room,
+                                 const OptimizerThread& optimizer)
     : options_(std::move(options)),
       cart_(cart),
       run_(run),
       clock_(std::move(clock)),
       reports_(reports),
       bell_(bell),
+      room_(room),
       optimizer_(optimizer),
       patience_ns_(kFirstPatience_ns) {
   latencies_ms_.reserve(kLatencies);
@@ -92,6 +93,7 @@ void PublisherThread::run() {
       note_latency(mapped->arrived_ns);
       reports_.pop();
     }
+    room_.ring();
     send_queued();
     if (options_.graphs) send_graph();
     if (stop) return;

@@ -42,9 +42,10 @@ struct PublisherState {
 
 class PublisherThread {
  public:
-  // Starts. References must outlive the object; `reports` rings `bell`.
+  // Starts. References must outlive the object; `reports` rings `bell`;
+  // `room` is rung when some were taken.
   PublisherThread(PublisherThreadOptions options, const Uuid& cart, const Uuid& run, RunClock clock,
-                  ReportRing& reports, driver::Doorbell& bell, const OptimizerThread& optimizer);
+                  ReportRing& reports, driver::Doorbell& bell, RoomBell& room, const OptimizerThread& optimizer);
   PublisherThread(const PublisherThread&) = delete;
   PublisherThread& operator=(const PublisherThread&) = delete;
   // Sends what is queued, then ends.
@@ -81,6 +82,7 @@ class PublisherThread {
   const RunClock clock_;
   ReportRing& reports_;
   driver::Doorbell& bell_;
+  RoomBell& room_;
   const OptimizerThread& optimizer_;
 
   // Of the thread alone.

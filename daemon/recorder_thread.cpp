@@ -15,7 +15,6 @@
 namespace submapd {
 namespace {
 
-constexpr std::int64_t kSecond_ns = 1'000'000'000;
 constexpr std::int64_t kSync_ns = kSecond_ns / 2;
 constexpr std::int64_t kTroubleLasts_ns = 5 * kSecond_ns;  // after the last refusal
 constexpr std::chrono::milliseconds kIdle{100};
@@ -141,6 +140,7 @@ void RecorderThread::write_scans() {
         ring.pop();
         more = true;
       }
+      links_.room.ring();
     }
   }
 }
@@ -187,6 +187,8 @@ void RecorderThread::write_poses() {
     }
     reports_.fetch_add(1);
   }
+  links_.mapper.reports_taken();
+  links_.room.ring();
 }
 
 bool RecorderThread::write_submap() {

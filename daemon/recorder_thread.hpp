@@ -53,6 +53,7 @@ struct RecorderLinks {
   ReportRing& reports;
   const PauseWindow& pause;
   driver::Doorbell& bell;  // rung by the producers of all three rings
+  RoomBell& room;          // rung when something was taken out of them
   MapperThread& mapper;
   SubmapArchive& archive;
   SubmapJournal& hashes;

@@ -17,6 +17,8 @@
 
 namespace submapd {
 
+inline constexpr std::int64_t kSecond_ns = 1'000'000'000;
+
 class RunClock {
  public:
   explicit RunClock(std::int64_t wall_minus_mono_ns) : offset_ns_(wall_minus_mono_ns) {}

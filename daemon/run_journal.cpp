@@ -6,6 +6,7 @@
 #include <zlib.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cstring>
 #include <utility>
@@ -64,6 +65,22 @@ struct PutEvent {
   }
   void operator()(const ClockStepped& e) const { out.put(e.step_ns); }
   void operator()(const InputIs& e) const { put_text(out, e.kind); }
+  void operator()(const LandmarksAdded& e) const {
+    put_pair(e.tie);
+    out.put(e.tie.sigma_m);
+    out.put(static_cast<std::uint32_t>(e.tie.points.size()));
+    for (const TiePoint& point : e.tie.points) {
+      for (const double value : {point.in_a.x(), point.in_a.y(), point.in_b.x(), point.in_b.y()}) out.put(value);
+    }
+  }
+  void operator()(const PairRemoved& e) const { put_pair(e); }
+  void operator()(const PairForbidden& e) const { put_pair(e); }
+  void operator()(const EditUndone&) const {}
+  template <typename Pair>
+  void put_pair(const Pair& pair) const {
+    out.put(pair.a);
+    out.put(pair.b);
+  }
 };
 
 Sha256 get_hash(ByteReader& in) {
@@ -72,6 +89,27 @@ Sha256 get_hash(ByteReader& in) {
   std::transform(bytes.begin(), bytes.end(), hash.begin(),
                  [](std::byte b) { return std::to_integer<std::uint8_t>(b); });
   return hash;
+}
+
+template <typename Pair>
+void get_pair(ByteReader& in, Pair& pair) {
+  pair.a = in.get<std::uint32_t>();
+  pair.b = in.get<std::uint32_t>();
+}
+
+bool get_tie(ByteReader& in, ManualTie& tie) {
+  get_pair(in, tie);
+  tie.sigma_m = in.get_f64();
+  const auto count = in.get<std::uint32_t>();
+  if (count > kMaxTiePoints) return false;
+  for (std::uint32_t k = 0; k < count; ++k) {
+    TiePoint point;
+    for (double* const value : {&point.in_a.x(), &point.in_a.y(), &point.in_b.x(), &point.in_b.y()}) {
+      *value = in.get_f64();
+    }
+    tie.points.push_back(point);
+  }
+  return true;
 }
 
 bool get_event(std::uint8_t type, ByteReader& in, JournalEvent& event) {
@@ -124,18 +162,29 @@ bool get_event(std::uint8_t type, ByteReader& in, JournalEvent& event) {
     case 11:
       event.emplace<InputIs>().kind = get_text(in);
       return true;
+    case 12:
+      return get_tie(in, event.emplace<LandmarksAdded>().tie);
+    case 13:
+      get_pair(in, event.emplace<PairRemoved>());
+      return true;
+    case 14:
+      get_pair(in, event.emplace<PairForbidden>());
+      return true;
+    case 15:
+      event.emplace<EditUndone>();
+      return true;
     default:
       return false;
   }
 }
 
-constexpr std::uint8_t kLastTypeOfVersion1 = 8;
+constexpr std::array<std::uint8_t, kJournalVersion> kLastTypeOfVersion = {8, 11, 15};
 
 // False: a body whose checksum fits and that is no record.
 bool decode_body(std::span<const std::byte> body, std::uint32_t version, JournalRecord& record) {
   ByteReader in(body);
   const auto type = in.get<std::uint8_t>();
-  if (version == 1 && type > kLastTypeOfVersion1) return false;
+  if (type > kLastTypeOfVersion[version - 1]) return false;
   record.utime_us = in.get_i64();
   return get_event(type, in, record.event) && in.ok() && in.remaining() == 0;
 }
@@ -162,6 +211,15 @@ std::vector<std::byte> encode_journal_record(const JournalRecord& record) {
   out.put(std::span<const std::byte>(body.bytes()));
   out.put(crc_of(out.bytes()));
   return out.take();
+}
+
+std::vector<std::byte> encode_journal(const Uuid& cart, const Uuid& run, std::span<const JournalRecord> records) {
+  std::vector<std::byte> bytes = encode_journal_header(cart, run);
+  for (const JournalRecord& record : records) {
+    const std::vector<std::byte> more = encode_journal_record(record);
+    bytes.insert(bytes.end(), more.begin(), more.end());
+  }
+  return bytes;
 }
 
 Expected<JournalContents> decode_journal(std::span<const std::byte> bytes) {

@@ -17,10 +17,11 @@
 #include "slam/base/ids.hpp"
 #include "slam/base/sha256.hpp"
 #include "slam/base/status.hpp"
+#include "slam/graph/optimizer.hpp"
 
 namespace submapd {
 
-inline constexpr std::uint32_t kJournalVersion = 2;
+inline constexpr std::uint32_t kJournalVersion = 3;
 inline constexpr std::size_t kMaxJournalText = 1024;
 
 struct RunStarted {
@@ -76,9 +77,33 @@ struct RunResumed {
   friend bool operator==(const RunResumed&, const RunResumed&) = default;
 };
 
+// What a person has decided about the graph of a run that has ended (submapctl landmarks); pairs are (a, b), a < b.
+inline constexpr std::size_t kMaxTiePoints = 24;
+struct LandmarksAdded {
+  ManualTie tie;
+  friend bool operator==(const LandmarksAdded&, const LandmarksAdded&) = default;
+};
+// What ties the pair, added or found, does no longer; it may be tied by hand.
+struct PairRemoved {
+  std::uint32_t a = 0;
+  std::uint32_t b = 0;
+  friend bool operator==(const PairRemoved&, const PairRemoved&) = default;
+};
+// The same, and nothing may tie it any more.
+struct PairForbidden {
+  std::uint32_t a = 0;
+  std::uint32_t b = 0;
+  friend bool operator==(const PairForbidden&, const PairForbidden&) = default;
+};
+// The newest of the three above that is not undone does not count.
+struct EditUndone {
+  friend bool operator==(const EditUndone&, const EditUndone&) = default;
+};
+
 // In the order of their numbers in the file, from 1.
-using JournalEvent = std::variant<RunStarted, SubmapSaved, MarkSet, MapSaved, ScansShed, RunEnded, RunPaused,
-                                  RunResumed, RunContinued, ClockStepped, InputIs>;
+using JournalEvent =
+    std::variant<RunStarted, SubmapSaved, MarkSet, MapSaved, ScansShed, RunEnded, RunPaused, RunResumed, RunContinued,
+                 ClockStepped, InputIs, LandmarksAdded, PairRemoved, PairForbidden, EditUndone>;
 
 struct JournalRecord {
   std::int64_t utime_us = 0;  // when it was written
@@ -98,8 +123,11 @@ struct JournalContents {
 
 [[nodiscard]] std::vector<std::byte> encode_journal_header(const Uuid& cart, const Uuid& run,
                                                            std::uint32_t version = kJournalVersion);
-// REQUIRES: texts of at most kMaxJournalText bytes.
+// REQUIRES: texts of at most kMaxJournalText bytes, ties of at most kMaxTiePoints points.
 [[nodiscard]] std::vector<std::byte> encode_journal_record(const JournalRecord& record);
+// A whole file of this version.
+[[nodiscard]] std::vector<std::byte> encode_journal(const Uuid& cart, const Uuid& run,
+                                                    std::span<const JournalRecord> records);
 
 // Errors: kCorrupt (no journal, a later version, or damage before the last record).
 [[nodiscard]] Expected<JournalContents> decode_journal(std::span<const std::byte> bytes);

@@ -13,6 +13,7 @@
 
 #include "daemon/configuration.hpp"
 #include "daemon/heartbeat.hpp"
+#include "daemon/room_bell.hpp"
 #include "daemon/run_clock.hpp"
 #include "driver/ring/scan_ring.hpp"
 #include "driver/scan_pipeline.hpp"
@@ -41,8 +42,12 @@ class ScanInput {
   // The clock of a run that begins now, or goes on after an instant of its own.
   [[nodiscard]] virtual RunClock clock(std::optional<std::int64_t> after_us) const = 0;
   [[nodiscard]] virtual ScanGeometry geometry() const = 0;
-  // A source that waits for its readers asks `ready` before each scan. Before start().
-  virtual void wait_for(std::function<bool()> ready) { (void)ready; }
+  // A source that can wait for its readers does so before each scan, until `has_room`; what makes room rings `room`,
+  // which must outlive the input. Before start().
+  virtual void wait_for(const std::function<bool()>& has_room, RoomBell& room) {
+    (void)has_room;
+    (void)room;
+  }
   // A source that can leaves out what a run has already: scans up to these stamps, by SensorRole. Before start().
   virtual void skip_until(const std::array<std::int64_t, driver::kSensorRoles>& stamps_us) { (void)stamps_us; }
 

@@ -8,17 +8,19 @@ import struct
 import sys
 
 
-def clock_offset_ns(journal):
-    """Wall clock less monotonic clock, from the journal's first record."""
-    header = 48
+def clocks_of(journal):
+    """(monotonic instant, wall clock less monotonic clock), ns: from when on the run had which, in order."""
     with open(journal, "rb") as file:
-        data = file.read(header + 21)
-    if data[:8] != b"SMAPJRNL" or len(data) < header + 21:
-        sys.exit(f"{journal}: is no journal of a run")
-    _, kind, _, offset_ns = struct.unpack_from("<IBqq", data, header)
-    if kind != 1:
+        data = file.read()
+    clocks, at = [], 48
+    while data[:8] == b"SMAPJRNL" and len(data) >= at + 21:
+        length, kind, utime_us, offset_ns = struct.unpack_from("<IBqq", data, at)
+        if kind in (1, 9):  # the run was started, or goes on
+            clocks.append((1000 * utime_us - offset_ns if kind == 9 else 0, offset_ns))
+        at += 4 + length + 4
+    if not clocks:
         sys.exit(f"{journal}: does not begin with the start of a run")
-    return offset_ns
+    return clocks
 
 
 def main():
@@ -27,7 +29,7 @@ def main():
     parser.add_argument("truth")
     parser.add_argument("tum")
     arguments = parser.parse_args()
-    offset_ns = clock_offset_ns(arguments.journal)
+    clocks = clocks_of(arguments.journal)
     with open(arguments.truth, encoding="utf-8") as lines, open(arguments.tum, "w", encoding="utf-8") as tum:
         for line in lines:
             try:
@@ -37,7 +39,9 @@ def main():
             if scan["scanner"] != 1 or "pose" not in scan:
                 continue
             x, y, yaw = scan["pose"]
-            stamp_s = 1e-9 * (scan["first_beam_ns"] + offset_ns)
+            mono_ns = scan["first_beam_ns"]
+            offset_ns = [offset for since_ns, offset in clocks if mono_ns >= since_ns][-1]
+            stamp_s = 1e-9 * (mono_ns + offset_ns)
             tum.write(f"{stamp_s:.6f} {x:.6f} {y:.6f} 0 0 0 {math.sin(yaw / 2):.9f} {math.cos(yaw / 2):.9f}\n")
 
 

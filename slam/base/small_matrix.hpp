@@ -19,6 +19,9 @@ struct PrincipalAxes {
 [[nodiscard]] PrincipalAxes<2> principal_axes(const Eigen::Matrix2d& symmetric);
 [[nodiscard]] PrincipalAxes<3> principal_axes(const Eigen::Matrix3d& symmetric);
 
+// Of a pose (x, y, yaw), a covariance or an information, seen in axes turned by -yaw_rad: R A R^T.
+[[nodiscard]] Eigen::Matrix3d turned(const Eigen::Matrix3d& A, double yaw_rad);
+
 // L of L L^T = A; A symmetric and positive definite.
 [[nodiscard]] Eigen::Matrix3d cholesky_root(const Eigen::Matrix3d& A);
 

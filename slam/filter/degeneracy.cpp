@@ -1,5 +1,8 @@
 #include "slam/filter/degeneracy.hpp"
 
+#include <algorithm>
+#include <cmath>
+
 #include "slam/base/small_matrix.hpp"
 
 namespace submapd {
@@ -14,16 +17,33 @@ void DegeneracyMonitor::reset() {
   time_s_ = 0.0;
 }
 
-void DegeneracyMonitor::update(const Eigen::Matrix3d& information, int associated, double step_s) {
-  if (active_) time_s_ += step_s;
-  if (associated < options_.min_associated) return;
-  const Eigen::Matrix2d block = information.topLeftCorner<2, 2>();
+DegeneracyMonitor::Weakness DegeneracyMonitor::weakness(const Eigen::Matrix2d& block) const {
   const PrincipalAxes<2> principal = principal_axes(block);
   const double floor = options_.normal_noise_share * block.trace();
   const double low = std::max(principal.values(0) - floor, 0.0);
   const double high = std::max(principal.values(1) - floor, 1e-9);
-  const double ratio = low / high;
-  if (ratio < options_.enter_ratio) axis_ = principal.axes.col(0);
+  return {low / high, principal.axes.col(0)};
+}
+
+void DegeneracyMonitor::update(const Eigen::Matrix3d& information, int associated, double step_s) {
+  if (active_) time_s_ += step_s;
+  if (associated < options_.min_associated) return;
+  const Eigen::Matrix2d block = information.topLeftCorner<2, 2>();
+  Weakness found = weakness(block);
+  double turn_rad_m = 0.0;
+  if (found.ratio >= options_.enter_ratio) {
+    // Round corridors: every wall holds the cart's way straight ahead, none its way round.
+    const Eigen::Vector2d cross = information.topRightCorner<2, 1>();
+    const double of_yaw = std::max(information(2, 2), 1e-9);
+    const Weakness round = weakness(block - cross * cross.transpose() / of_yaw);
+    turn_rad_m = -cross.dot(round.axis) / of_yaw;
+    if (round.ratio < options_.enter_ratio && std::abs(turn_rad_m) > options_.least_turn_rad_m) found = round;
+  }
+  const double ratio = found.ratio;
+  if (ratio < options_.enter_ratio) {
+    axis_ = found.axis;
+    turn_rad_m_ = turn_rad_m;
+  }
   if (!weak_) {
     weak_ = ratio < options_.enter_ratio;
     good_scans_ = 0;

@@ -11,6 +11,7 @@ namespace submapd {
 struct DegeneracyOptions {
   double enter_ratio = 0.02;  // smaller to larger eigenvalue of the translation block, noise floor taken off
   double leave_ratio = 0.06;
+  double least_turn_rad_m = 0.03;     // of a round corridor: radius of 33 m at most
   int leave_scans = 8;                // in a row
   double normal_noise_share = 0.005;  // of the trace: what normals off by 4 deg pretend to know
   double kappa = 2.0;                 // neighbouring beams are correlated: sigma^2 = kappa / information
@@ -22,9 +23,9 @@ struct DegeneracyOptions {
   double min_associated = 40;  // points on surfaces, below which nothing is concluded
 };
 
-// Two questions a scan. Do the walls as a whole leave a direction weak? That is a ratio, latched, and tells the matcher
-// to believe only walls that face this axis. Do those few hold it? Ten beams on the end of a corridor do, and then
-// nothing is lost; where there are none, the scan is degenerate.
+// Two questions a scan. Do the walls as a whole leave a motion weak, with whatever turn makes it weakest? That is a
+// ratio, latched, and tells the matcher to believe only walls that face this axis. Do those few hold it? Ten beams on
+// the end of a corridor do, and then nothing is lost; where there are none, the scan is degenerate.
 class DegeneracyMonitor {
  public:
   explicit DegeneracyMonitor(const DegeneracyOptions& options) : options_(options) {}
@@ -35,12 +36,13 @@ class DegeneracyMonitor {
   void hold(double axial_information);
   void reset();
 
-  // One direction is weak: axis().
+  // One direction is weak: axis(), with turn_rad_m() of the cart as it goes.
   [[nodiscard]] bool weak() const { return weak_; }
   // Nothing holds it.
   [[nodiscard]] bool active() const { return active_; }
   // Unit vector of the weak direction, map frame, while weak().
   [[nodiscard]] const Eigen::Vector2d& axis() const { return axis_; }
+  [[nodiscard]] double turn_rad_m() const { return turn_rad_m_; }
   // Variance of the position along the axis gathered since it became unobservable [m^2].
   [[nodiscard]] double axial_variance_m2() const;
   // What hold() was told last [1/m^2].
@@ -49,6 +51,13 @@ class DegeneracyMonitor {
   void change_frame(double yaw_rad);
 
  private:
+  struct Weakness {
+    double ratio = 1.0;
+    Eigen::Vector2d axis = Eigen::Vector2d::UnitX();
+  };
+  // Of the smaller to the larger eigenvalue, and the axis of the smaller.
+  [[nodiscard]] Weakness weakness(const Eigen::Matrix2d& block) const;
+
   DegeneracyOptions options_;
   bool weak_ = false;
   bool active_ = false;
@@ -58,6 +67,7 @@ class DegeneracyMonitor {
   double axial_information_ = 0.0;
   double time_s_ = 0.0;  // degenerate since
   Eigen::Vector2d axis_ = Eigen::Vector2d::UnitX();
+  double turn_rad_m_ = 0.0;
 };
 
 }  // namespace submapd

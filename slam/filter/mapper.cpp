@@ -52,11 +52,10 @@ ScanReport Mapper::process(const Scan& scan) {
   report.stamp_us = scan.stamp_us;
   const std::optional<Pose2> by_odometry = m.gate.motion(scan.odometry);
   m.odometry_delta = m.options.odometry == OdometryUse::kIgnore ? std::nullopt : by_odometry;
-  m.odometry_given = scan.odometry.has_value() && m.options.odometry != OdometryUse::kIgnore;
   KnownFit fit;
-  const double gap_s = m.gap ? static_cast<double>(scan.stamp_us - m.tracked_us) * 1e-6 : 0.0;
-  if (m.window.is_open() && gap_s > m.options.motion.max_extrapolation_s) {
-    m.pick_up(scan, gap_s, report, fit);
+  const std::optional<double> gap_s = m.gap_before(scan);
+  if (gap_s) {
+    m.pick_up(scan, *gap_s, report, fit);
   } else if (m.window.is_open()) {
     m.gap = false;
     m.track(scan, elapsed_s, report, fit);
@@ -79,6 +78,10 @@ void Mapper::resume_after(const FinishedSubmap& last) {
 
 void Mapper::expect_gap() {
   impl_->gap = true;
+}
+
+void Mapper::stood_until(std::int64_t stamp_us) {
+  impl_->tracked_us = impl_->seen_us = stamp_us;
 }
 
 void Mapper::finish_run() {

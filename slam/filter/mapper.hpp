@@ -121,6 +121,9 @@ class Mapper {
   // the cart can have come. Where it fits nowhere, or at two places, a sub-map without a link begins.
   void expect_gap();
 
+  // The cart has not moved up to `stamp_us`, though no scan was processed: no gap.
+  void stood_until(std::int64_t stamp_us);
+
   // Closes the open sub-map. Call once, after the last scan and after take_finished() was emptied.
   void finish_run();
 

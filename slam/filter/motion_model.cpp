@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "slam/base/small_matrix.hpp"
+
 namespace submapd {
 
 void PeriodEstimator::add(double period_s) {
@@ -49,10 +51,8 @@ Twist2 learn_twist(const Twist2& twist, const Pose2& delta, double step_s, const
 }
 
 Eigen::Matrix3d motion_information(const PredictedMotion& motion, double yaw_rad) {
-  Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
-  turn.topLeftCorner<2, 2>() = rotation(yaw_rad);
   const Eigen::Vector3d weights = motion.sigma.array().square().inverse();
-  return turn * weights.asDiagonal() * turn.transpose();
+  return turned(weights.asDiagonal(), yaw_rad);
 }
 
 }  // namespace submapd

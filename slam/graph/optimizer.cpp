@@ -15,6 +15,7 @@
 #include "slam/graph/internal/live_graph.hpp"
 #include "slam/graph/internal/loop_policy.hpp"
 #include "slam/graph/internal/loop_search.hpp"
+#include "slam/graph/internal/manual_ties.hpp"
 #include "slam/graph/internal/pair_tools.hpp"
 #include "slam/graph/internal/relative_uncertainty.hpp"
 #include "slam/submap/with_open_submap.hpp"
@@ -65,7 +66,9 @@ Status check(const FinishedSubmap* submap, std::size_t expected_index) {
 
 struct Optimizer::Impl {
   Impl(const OptimizerOptions& options_in, SubmapSource& source, PairTools tools_in)
-      : options(options_in), tools(std::move(tools_in)), archive(source), search(tools, source) {}
+      : options(options_in), tools(std::move(tools_in)), archive(source), search(tools, source) {
+    for (const auto& [a, b] : options.edits.barred) search.bar(a, b);
+  }
   // A copy that goes on by itself, with another source.
   Impl(const Impl& other, SubmapSource& source)
       : options(other.options),
@@ -79,8 +82,9 @@ struct Optimizer::Impl {
         condensed_loops(other.condensed_loops),
         cancelled(other.cancelled) {}
 
-  Expected<FinalResult> finish(std::size_t runs, std::size_t most_sights);
+  Expected<FinalResult> finish(std::size_t runs);
   Status take(const FinishedSubmap& submap);
+  std::vector<std::size_t> add_manual_ties();
   void seek_live();
   void seek_all(std::size_t budget, bool accept_lone);
   Status settle(bool accept_lone);
@@ -179,6 +183,19 @@ Status Optimizer::Impl::take(const FinishedSubmap& submap) {
   return {};
 }
 
+// Those between the newest sub-map and earlier ones; returns which loops they are.
+std::vector<std::size_t> Optimizer::Impl::add_manual_ties() {
+  std::vector<std::size_t> added;
+  const auto newest = static_cast<std::uint32_t>(model.submaps.size() - 1);
+  for (const ManualTie& tie : options.edits.ties) {
+    if (tie.b != newest || tie.a >= tie.b || model.submaps[tie.a].condensed()) continue;
+    added.push_back(model.loops.size());
+    model.loops.push_back(graph::tie_record(model, tie));
+  }
+  count();
+  return added;
+}
+
 void Optimizer::Impl::seek_live() {
   const graph::RelativeUncertainty uncertainty(model);
   const auto newest = static_cast<std::uint32_t>(model.submaps.size() - 1);
@@ -259,6 +276,9 @@ Expected<GraphState> Optimizer::add_submap(const std::shared_ptr<const FinishedS
   if (Status status = check(submap.get(), impl_->model.submaps.size()); !status.ok()) return failure(status);
   impl_->hold_budget();  // a map that was saved since may have filled it with loops
   if (Status status = impl_->take(*submap); !status.ok()) return failure(status);
+  if (const auto ties = impl_->add_manual_ties(); !ties.empty()) {
+    if (Status status = impl_->solve(ties); !status.ok()) return failure(status);
+  }
   if (impl_->options.loops) impl_->seek_live();
   if (Status status = impl_->settle(false); !status.ok()) return failure(status);
   impl_->hold_budget();
@@ -271,7 +291,7 @@ Expected<GraphState> Optimizer::add_submap(const std::shared_ptr<const FinishedS
   return state;
 }
 
-Expected<FinalResult> Optimizer::Impl::finish(std::size_t runs, std::size_t most_sights) {
+Expected<FinalResult> Optimizer::Impl::finish(std::size_t runs) {
   if (model.submaps.empty())
     return failure(StatusCode::kNotFound, "optimizer: no sub-map yet; there is nothing to solve");
   if (options.loops) {
@@ -282,7 +302,7 @@ Expected<FinalResult> Optimizer::Impl::finish(std::size_t runs, std::size_t most
     count();
   }
   archive.release();  // the solver needs the room
-  graph::TrackGraph track = graph::build_track_graph(model, most_sights);
+  graph::TrackGraph track = graph::build_track_graph(model);
   const auto start = std::chrono::steady_clock::now();
   const auto summary = graph::solve_track_graph(track, cancelled.get());
   const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - start;
@@ -313,11 +333,13 @@ Expected<FinalResult> Optimizer::Impl::finish(std::size_t runs, std::size_t most
       summary->final_cost, summary->iterations);
   result.keyframes = std::move(track.track);
   graph::hang_condensed(model, result);
+  result.ties = graph::stress_of(model, result.submaps);
+  if (options.suspects) result.suspects = graph::suspects_of(model, tools, search, result.ties);
   return result;
 }
 
 Expected<FinalResult> Optimizer::finish() {
-  return impl_->finish(kFinalRunsPerSubmap * impl_->retained(), graph::kMostSights);
+  return impl_->finish(kFinalRunsPerSubmap * impl_->retained());
 }
 
 Expected<FinalResult> Optimizer::finish_with(const std::shared_ptr<const FinishedSubmap>& open) {
@@ -328,7 +350,7 @@ Expected<FinalResult> Optimizer::finish_with(const std::shared_ptr<const Finishe
   WithOpenSubmap source(impl_->archive, open);
   Impl copy(*impl_, source);
   if (Status status = copy.take(*open); !status.ok()) return failure(status);
-  return copy.finish(kFinalRunsPerSubmap, graph::kQuickSights);
+  return copy.finish(kFinalRunsPerSubmap);
 }
 
 Eigen::Matrix3d covariance_bound(const FinalResult& result, std::int64_t stamp_us, const Pose2& map_from_base) {

@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "slam/base/pose2.hpp"
@@ -26,14 +27,40 @@ enum class LoopState : std::uint8_t { kPending, kConfirmed, kRejected };
 struct Loop {
   SubmapMatch match;
   LoopState state = LoopState::kPending;
+  bool manual = false;  // a person's tie: the match is what its points say
+};
+
+// A spot that somebody has found in two sub-maps.
+struct TiePoint {
+  Eigen::Vector2d in_a = Eigen::Vector2d::Zero();  // m, in a's frame
+  Eigen::Vector2d in_b = Eigen::Vector2d::Zero();  // m, in b's frame
+  friend bool operator==(const TiePoint&, const TiePoint&) = default;
+};
+
+// Landmarks between two sub-maps that a person vouches for (design notes, section 12).
+struct ManualTie {
+  std::uint32_t a = 0;  // a < b
+  std::uint32_t b = 0;
+  double sigma_m = 0.1;  // of a spot's place in either sub-map, a side
+  std::vector<TiePoint> points;
+  friend bool operator==(const ManualTie&, const ManualTie&) = default;
+};
+
+// What a person has decided about a run's graph.
+struct GraphEdits {
+  std::vector<ManualTie> ties;                                  // one a pair; at least two points each
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> barred;  // (a, b), a < b: no loop is sought between them
 };
 
 struct OptimizerOptions {
   bool loops = true;  // false: adjacent sub-maps only (replay --no-loops)
+  // Ties hold from the moment both sub-maps are there, and no policy takes them back.
+  GraphEdits edits = {};
+  bool suspects = false;  // finish() looks for them
   // Near it sub-maps are condensed: first those whose area others know, oldest first; then, because mapping never stops
   // for memory, the oldest. What of landmarks or of a loop would still pass it is refused. What a condensed sub-map
   // leaves (some 300 bytes) is always kept, and the newest few sub-maps are, too.
-  std::size_t graph_bytes_limit = 16U << 20;
+  std::size_t graph_bytes_limit = 6U << 20;
 };
 
 // What the optimizer counted; all monotonic but `bytes_used`.
@@ -115,6 +142,31 @@ struct SubmapBound {
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  // of map_from_submap (x, y, yaw), in the map's frame
 };
 
+// A tie of the graph and how much the solution strains it.
+struct TieStress {
+  std::uint32_t a = 0;
+  std::uint32_t b = 0;
+  bool link = false;  // between neighbours; else a confirmed loop
+  bool manual = false;
+  double off_m = 0.0;   // where b is and where the tie has it, at b's origin
+  double sigmas = 0.0;  // Mahalanobis distance of the whole relative pose
+};
+
+// A pair of sub-maps that a person should look at.
+struct SuspectPair {
+  enum class Kind : std::uint8_t {
+    kUntied,    // may overlap, is not known well, and no match was accepted
+    kPending,   // a match that nothing else agrees with; or that contradicts the rest
+    kStrained,  // a tie that the solution does not keep
+  };
+  std::uint32_t a = 0;
+  std::uint32_t b = 0;
+  Kind kind = Kind::kUntied;
+  double effect_m = 0.0;   // how far b may move relative to a: one sigma if untied, else what the match says
+  double gain_nats = 0.0;  // what a good match would add to what is known of their relative pose
+  double sigmas = 0.0;     // of a match: how far it is from the graph
+};
+
 struct FinalResult {
   std::vector<SubmapPose> submaps;  // in order of index
   std::vector<SubmapBound> bounds;  // by sub-map
@@ -122,8 +174,10 @@ struct FinalResult {
   // the rest goes on by the filter's own steps (OptimizedTrajectory).
   std::vector<OptimizedKeyframe> keyframes;
   std::vector<Loop> loops;
-  GraphExport graph;   // equation (5)
-  std::string report;  // a few lines for people: residuals before and after, iterations
+  GraphExport graph;                  // equation (5)
+  std::string report;                 // a few lines for people: residuals before and after, iterations
+  std::vector<TieStress> ties;        // links and confirmed loops between retained sub-maps
+  std::vector<SuspectPair> suspects;  // largest effect first; only if OptimizerOptions::suspects
 };
 
 // Bound of the covariance (x, y, yaw) of a pose in the map at an instant: that of the newest sub-map begun by then,

@@ -3,7 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
+
+#include "slam/base/floor_to_int.hpp"
 
 namespace submapd {
 namespace {
@@ -20,8 +21,13 @@ float view_agreement(const SurfaceFace& face, float view_x, float view_y) {
 }
 
 int surface_index(float position_m) {
-  const float scaled = std::floor(position_m * static_cast<float>(1.0 / kSurfaceCell_m));
-  return static_cast<int>(std::clamp(scaled, -1e6F, 1e6F)) + kSurfaceBias;
+  return floor_to_int(position_m * static_cast<float>(1.0 / kSurfaceCell_m)) + kSurfaceBias;
+}
+
+// Which eighth of the circle a direction lies in, counted from +x.
+unsigned octant(float x, float y) {
+  if (y >= 0.0F) return x > 0.0F ? (y < x ? 0U : 1U) : (y > -x ? 2U : 3U);
+  return x < 0.0F ? (-y < -x ? 4U : 5U) : (-y > x ? 6U : 7U);
 }
 
 bool in_surface(int ix, int iy) {
@@ -110,9 +116,7 @@ void SurfaceMap::insert(std::span<const SurfaceHit> hits) {
     face.sum_yy += dy * dy;
     face.view_x += hit.view_x;
     face.view_y += hit.view_y;
-    const float turn = std::atan2(hit.view_y, hit.view_x) * (4.0F / std::numbers::pi_v<float>);
-    face.view_sectors =
-        static_cast<std::uint8_t>(face.view_sectors | (1U << (static_cast<unsigned>(turn + 8.0F) & 7U)));
+    face.view_sectors = static_cast<std::uint8_t>(face.view_sectors | (1U << octant(hit.view_x, hit.view_y)));
     if (face.touched_scan != scan_) {
       face.touched_scan = scan_;
       if (face.keyframes < std::numeric_limits<std::uint16_t>::max()) ++face.keyframes;

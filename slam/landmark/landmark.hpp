@@ -30,13 +30,12 @@ struct LandmarkObservation {
 };
 
 // What a key-frame at `submap_from_keyframe` sees of a spot that the sub-map's own map shows at `place` +-
-// `covariance`. It is one of `rows` that repeat the same evidence: each gets the covariance times their number, so that
-// together they count once.
+// `covariance`.
 [[nodiscard]] inline LandmarkObservation observation_of(const Eigen::Vector2d& place, const Eigen::Matrix2d& covariance,
-                                                        const Pose2& submap_from_keyframe, std::size_t rows) {
+                                                        const Pose2& submap_from_keyframe) {
   const Eigen::Matrix2d to_keyframe = rotation(submap_from_keyframe.yaw).transpose();
   return {to_keyframe * (place - submap_from_keyframe.translation()),
-          static_cast<double>(rows) * (to_keyframe * covariance * to_keyframe.transpose())};
+          to_keyframe * covariance * to_keyframe.transpose()};
 }
 
 }  // namespace submapd

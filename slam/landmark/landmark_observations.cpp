@@ -11,9 +11,10 @@ namespace {
 
 constexpr double kBeamNear_m = 0.15;
 constexpr std::size_t kFewestUnshared = 2;  // with fewer, shared key-frames fill up
-// Every so many key-frames of a sub-map are its regular observers: the fewer key-frames the landmarks tie together, the
-// less fill the final solve has, and between neighbours the steps are far surer than a landmark.
-constexpr std::uint32_t kRegularStride = 4;
+// Every so many key-frames of a sub-map are its regular observers; where too few of those see a spot, every half as
+// many, and so on. The fewer key-frames the landmarks tie together, the less fill the final solve has, and between
+// neighbours the steps are far surer than a landmark.
+constexpr std::uint32_t kRegularStride = 32;
 
 // Bearings a beam that ends near the spot can have: the spot's size, plus what the cart turns during the sweep.
 double bearing_margin(const Keyframe& keyframe, double range_m) {
@@ -25,10 +26,13 @@ double bearing_margin(const Keyframe& keyframe, double range_m) {
 // `count` of `all`, or of its regular observers if they suffice, evenly spread, first and last included where there
 // are two.
 std::vector<std::uint32_t> spread(const std::vector<std::uint32_t>& all, std::size_t count) {
-  std::vector<std::uint32_t> regular;
-  std::copy_if(all.begin(), all.end(), std::back_inserter(regular),
-               [](std::uint32_t keyframe) { return keyframe % kRegularStride == 0; });
-  const std::vector<std::uint32_t>& from = regular.size() >= kFewestUnshared ? regular : all;
+  std::vector<std::uint32_t> from;
+  for (std::uint32_t stride = kRegularStride; stride > 0 && from.size() < std::min(kFewestUnshared, all.size());
+       stride /= 2) {
+    from.clear();
+    std::copy_if(all.begin(), all.end(), std::back_inserter(from),
+                 [&](std::uint32_t keyframe) { return keyframe % stride == 0; });
+  }
   if (from.size() <= count) {
     return from;
   }

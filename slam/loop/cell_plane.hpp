@@ -4,12 +4,13 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <vector>
 
+#include "slam/base/floor_to_int.hpp"
 #include "slam/submap/finished_submap.hpp"
 
 namespace submapd {
@@ -34,8 +35,7 @@ class CellPlane {
 
   // Plane coordinates (0, 0) .. (width - 1, height - 1) of a point in the sub-map's frame; may lie outside.
   [[nodiscard]] Eigen::Vector2i cell_at(const Eigen::Vector2d& point) const {
-    return {static_cast<int>(std::floor(point.x() / cell_m_)) - x0_,
-            static_cast<int>(std::floor(point.y() / cell_m_)) - y0_};
+    return {floor_to_int(point.x() / cell_m_) - x0_, floor_to_int(point.y() / cell_m_) - y0_};
   }
   // Centre of a cell in the sub-map's frame, m.
   [[nodiscard]] Eigen::Vector2d centre_of(int x, int y) const {
@@ -43,6 +43,11 @@ class CellPlane {
   }
   // Lower left corner of cell (0, 0) in the sub-map's frame, m.
   [[nodiscard]] Eigen::Vector2d origin() const { return {x0_ * cell_m_, y0_ * cell_m_}; }
+
+  // REQUIRES: 0 <= y < height().
+  [[nodiscard]] std::span<const CellKind> row(int y) const {
+    return {&kinds_[static_cast<std::size_t>(y) * static_cast<std::size_t>(width_)], static_cast<std::size_t>(width_)};
+  }
 
   // Unknown outside.
   [[nodiscard]] CellKind kind(int x, int y) const {

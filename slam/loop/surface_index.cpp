@@ -36,6 +36,7 @@ SurfaceIndex::SurfaceIndex(const FinishedSubmap& submap) {
   }
   build_buckets();
   pool_lines();
+  build_buckets();  // pooling moves means across borders
 }
 
 void SurfaceIndex::build_buckets() {
@@ -107,19 +108,22 @@ void SurfaceIndex::pool_lines() {
 template <typename Visit>
 void SurfaceIndex::visit_near(const Eigen::Vector2d& point, double radius_m, const Visit& visit) const {
   const Eigen::Vector2d local = point - origin_;
-  // Means move by pooling after they were sorted, so look a little further.
-  const double reach = radius_m + kPoolAcross_m;
-  const double x_low = std::floor((local.x() - reach) / bucket_m_);
-  const double y_low = std::floor((local.y() - reach) / bucket_m_);
-  const double x_high = std::floor((local.x() + reach) / bucket_m_);
-  const double y_high = std::floor((local.y() + reach) / bucket_m_);
-  if (elements_.empty() || x_high < 0.0 || y_high < 0.0 || x_low >= columns_ || y_low >= rows_) {
+  // One bucket beyond either side stands for all that is farther out.
+  const auto bucket = [this](double coordinate_m, int count) {
+    const double place = coordinate_m / bucket_m_ + 1.0;
+    return (place > 0.0 ? static_cast<int>(std::min(place, count + 1.0)) : 0) - 1;
+  };
+  const int column_low = bucket(local.x() - radius_m, columns_);
+  const int column_high = bucket(local.x() + radius_m, columns_);
+  const int row_low = bucket(local.y() - radius_m, rows_);
+  const int row_high = bucket(local.y() + radius_m, rows_);
+  if (elements_.empty() || column_high < 0 || row_high < 0 || column_low >= columns_ || row_low >= rows_) {
     return;
   }
-  const int column_first = static_cast<int>(std::max(0.0, x_low));
-  const int column_last = static_cast<int>(std::min(static_cast<double>(columns_ - 1), x_high));
-  const int row_last = static_cast<int>(std::min(static_cast<double>(rows_ - 1), y_high));
-  for (int row = static_cast<int>(std::max(0.0, y_low)); row <= row_last; ++row) {
+  const int column_first = std::max(0, column_low);
+  const int column_last = std::min(columns_ - 1, column_high);
+  const int row_last = std::min(rows_ - 1, row_high);
+  for (int row = std::max(0, row_low); row <= row_last; ++row) {
     const std::size_t start = static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_);
     const std::int32_t end = first_[start + static_cast<std::size_t>(column_last) + 1];
     for (std::int32_t i = first_[start + static_cast<std::size_t>(column_first)]; i < end; ++i) {

@@ -6,12 +6,13 @@
 namespace submapd {
 
 LineSystem line_system(std::span<const ScanPoint> points, const SurfaceMap& surface, double angle_step_rad,
-                       const Pose2& pose, const Eigen::Vector2d& weak_axis, const LineMatcherOptions& options) {
+                       const Pose2& pose, const WeakMotion& weak_motion, const LineMatcherOptions& options) {
   LineSystem out;
   const int standing = std::min(options.standing_scans, surface.scans());
-  const bool weak = weak_axis.squaredNorm() > 0.0;
-  const auto ax = static_cast<float>(weak_axis.x());
-  const auto ay = static_cast<float>(weak_axis.y());
+  const bool weak = weak_motion.any();
+  const auto ax = static_cast<float>(weak_motion.axis.x());
+  const auto ay = static_cast<float>(weak_motion.axis.y());
+  const auto turn = static_cast<float>(weak_motion.turn_rad_m);
   const auto facing = static_cast<float>(options.facing);
   const auto c = static_cast<float>(std::cos(pose.yaw));
   const auto s = static_cast<float>(std::sin(pose.yaw));
@@ -49,8 +50,10 @@ LineSystem line_system(std::span<const ScanPoint> points, const SurfaceMap& surf
       const float w = p.weight / (var * (1.0F + r * r / var * inverse_c2));
       float jx = nx;
       float jy = ny;
+      const float jw = -nx * ry + ny * rx;
       if (weak) {
-        const float along = nx * ax + ny * ay;
+        // What is taken off leaves a row that does not change with the weak motion.
+        const float along = nx * ax + ny * ay + jw * turn;
         if (std::abs(along) < facing || line->scans < standing) {
           jx -= along * ax;
           jy -= along * ay;
@@ -58,7 +61,7 @@ LineSystem line_system(std::span<const ScanPoint> points, const SurfaceMap& surf
           out.axial_information += static_cast<double>(w * along * along);
         }
       }
-      out.equations.add(static_cast<double>(jx), static_cast<double>(jy), static_cast<double>(-nx * ry + ny * rx),
+      out.equations.add(static_cast<double>(jx), static_cast<double>(jy), static_cast<double>(jw),
                         static_cast<double>(r), static_cast<double>(w));
     } else {
       const float var = range_var + map_var + cross * cross + 2.0F * line->sigma_m * line->sigma_m + 4e-4F;
@@ -69,8 +72,9 @@ LineSystem line_system(std::span<const ScanPoint> points, const SurfaceMap& surf
       if (weak) {
         // Hits too sparse for a line lie where this scan's beams fall: across the axis they tell, along it they follow.
         const float across = -ay * dx + ax * dy;
-        out.equations.add(static_cast<double>(-ay), static_cast<double>(ax), static_cast<double>(ay * ry + ax * rx),
-                          static_cast<double>(across), static_cast<double>(w));
+        const float jw = ay * ry + ax * rx;
+        out.equations.add(static_cast<double>(-ay - jw * turn * ax), static_cast<double>(ax - jw * turn * ay),
+                          static_cast<double>(jw), static_cast<double>(across), static_cast<double>(w));
         continue;
       }
       out.equations.add(1.0, 0.0, static_cast<double>(-ry), static_cast<double>(dx), static_cast<double>(w));
@@ -87,7 +91,7 @@ LineMatchResult match_lines(std::span<const ScanPoint> points, const SurfaceMap&
   result.match.pose = start;
   if (points.empty()) return result;
   for (int pass = 0;; ++pass) {
-    const LineSystem system = line_system(points, surface, angle_step_rad, result.match.pose, prior.weak_axis, options);
+    const LineSystem system = line_system(points, surface, angle_step_rad, result.match.pose, prior.weak, options);
     result.match.information = system.equations.H;
     result.associated = system.associated;
     result.match.health.iterations = pass;

@@ -20,7 +20,7 @@ struct LineMatcherOptions {
   double tangential_gate_m = 0.15;  // beyond the end of the mapped part of a wall
   double cauchy_sigmas = 2.0;
   double kappa = 8.0;
-  double facing = 0.25;    // |n . a| from which a wall faces a weak axis a: more than normals err
+  double facing = 0.25;    // share of a weak motion that moves the wall across itself: more than normals err
   int standing_scans = 3;  // hit by fewer, it may be a person who walks, and tells nothing along a weak axis
   double stop_m = 0.0002;
   double stop_rad = 0.00005;
@@ -37,14 +37,14 @@ struct LineMatchResult {
                                           const LineMatcherOptions& options);
 
 // The system at one pose, without moving it: its translation block tells which direction the walls hold.
-// With a weak axis (MotionPrior), only walls that face it say anything along it.
+// With a weak motion, only walls that face it say anything about it.
 struct LineSystem {
   NormalEquations equations;
   int associated = 0;
-  double axial_information = 0.0;  // along the weak axis [1/m^2], 0 without one
+  double axial_information = 0.0;  // about the weak motion [1/m^2], 0 without one
 };
 [[nodiscard]] LineSystem line_system(std::span<const ScanPoint> points, const SurfaceMap& surface,
-                                     double angle_step_rad, const Pose2& pose, const Eigen::Vector2d& weak_axis,
+                                     double angle_step_rad, const Pose2& pose, const WeakMotion& weak,
                                      const LineMatcherOptions& options);
 
 }  // namespace submapd

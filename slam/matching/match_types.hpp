@@ -7,13 +7,22 @@
 
 namespace submapd {
 
+// A motion of the cart that few walls hold: along `axis` (unit vector, map frame), turning by turn_rad_m as it goes. Of
+// a straight corridor the turn is 0, of a round one the inverse of its radius. Without axis: none.
+struct WeakMotion {
+  Eigen::Vector2d axis = Eigen::Vector2d::Zero();
+  double turn_rad_m = 0.0;
+
+  [[nodiscard]] bool any() const { return axis.squaredNorm() > 0.0; }
+};
+
 // Where the motion model expects the scan, and how firmly: covariance Q in the map frame (x, y, yaw), as information.
 struct MotionPrior {
   Pose2 pose;
   Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
-  // Unit vector, map frame, along which few walls hold the scan; zero: none. Along it the field does not count and of
-  // the surfaces only those that face it: a thousand normals that are off by some degrees outweigh ten honest beams.
-  Eigen::Vector2d weak_axis = Eigen::Vector2d::Zero();
+  // Along it the field does not count, and of the surfaces only those that face it: a thousand normals that are off by
+  // some degrees outweigh ten honest beams.
+  WeakMotion weak;
 };
 
 // Health of one scan against the map (design notes 5.5).

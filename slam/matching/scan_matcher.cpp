@@ -10,8 +10,8 @@ constexpr double kHeldSigma_m = 1e-4;
 // Along a weak axis the field pulls towards where the map ends, i.e. back: the start stands there.
 MotionPrior held_along_axis(const MotionPrior& prior, const Pose2& start) {
   MotionPrior held = prior;
-  const Eigen::Vector2d& a = prior.weak_axis;
-  if (a.squaredNorm() == 0.0) return held;
+  if (!prior.weak.any()) return held;
+  const Eigen::Vector2d& a = prior.weak.axis;
   const double off = a.dot(start.translation() - prior.pose.translation());
   held.pose.x += off * a.x();
   held.pose.y += off * a.y();

@@ -96,7 +96,7 @@ Expected<std::unique_ptr<PoseSpool>> PoseSpool::create(const std::filesystem::pa
   return spool;
 }
 
-Expected<std::unique_ptr<PoseSpool>> PoseSpool::open(const std::filesystem::path& path, std::int64_t until_us) {
+Expected<std::unique_ptr<PoseSpool>> PoseSpool::open(const std::filesystem::path& path) {
   const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0640);
   if (fd < 0) {
     return failure(StatusCode::kIo, fmt::format("{}: cannot open: {}", path.string(), std::strerror(errno)));
@@ -104,7 +104,8 @@ Expected<std::unique_ptr<PoseSpool>> PoseSpool::open(const std::filesystem::path
   std::unique_ptr<PoseSpool> spool(new PoseSpool(fd));
   const off_t bytes = ::lseek(fd, 0, SEEK_END);
   // Shorter than a header: the file was made just before the power went.
-  Status status = bytes < static_cast<off_t>(kHeaderBytes) ? spool->begin_file() : spool->keep_whole(until_us);
+  Status status = bytes < static_cast<off_t>(kHeaderBytes) ? spool->begin_file() : spool->check_header();
+  if (status.ok()) status = spool->keep_until(std::numeric_limits<std::int64_t>::max());
   if (status.ok()) status = sync_folder(path.parent_path());
   if (!status.ok()) return failure(status.code(), fmt::format("{}: {}", path.string(), status.message()));
   return spool;
@@ -120,12 +121,17 @@ Status PoseSpool::begin_file() {
   return wrote == static_cast<ssize_t>(header.size()) ? Status() : disk_error("write", wrote < 0 ? errno : ENOSPC);
 }
 
-Status PoseSpool::keep_whole(std::int64_t until_us) {
+Status PoseSpool::check_header() const {
   std::array<std::byte, kHeaderBytes> header{};
   if (::pread(fd_, header.data(), header.size(), 0) != static_cast<ssize_t>(header.size())) {
     return disk_error("read", errno);
   }
   if (!std::ranges::equal(header, encode_header())) return {StatusCode::kCorrupt, "holds no poses of scans"};
+  return {};
+}
+
+Status PoseSpool::keep_until(std::int64_t until_us) {
+  last_stamp_us_ = std::numeric_limits<std::int64_t>::min();
   std::vector<std::byte> block(kRecordsAtOnce * kRecordBytes);
   std::uint64_t records = 0;
   for (bool more = true; more;) {

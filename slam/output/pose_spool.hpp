@@ -36,16 +36,17 @@ class PoseSpool {
  public:
   // A file without a name in `folder`, which must exist.
   [[nodiscard]] static Expected<std::unique_ptr<PoseSpool>> create(const std::filesystem::path& folder);
-  // The file `path`, made if it is missing. What it holds is kept up to the first record that is damaged, cut off, or
-  // stamped later than `until_us`; the rest is cut away. Errors: kIo, kCorrupt (no such file of ours).
-  [[nodiscard]] static Expected<std::unique_ptr<PoseSpool>> open(const std::filesystem::path& path,
-                                                                 std::int64_t until_us);
+  // The file `path`, made if it is missing. What it holds is kept up to the first record that is damaged or cut off;
+  // the rest is cut away. Errors: kIo, kCorrupt (no such file of ours).
+  [[nodiscard]] static Expected<std::unique_ptr<PoseSpool>> open(const std::filesystem::path& path);
   PoseSpool(const PoseSpool&) = delete;
   PoseSpool& operator=(const PoseSpool&) = delete;
   ~PoseSpool();
 
   // After an error the file ends with the last whole record.
   Status add(const SpooledPose& pose);
+  // Cuts away what is stamped later. The adding thread's, while nobody reads.
+  Status keep_until(std::int64_t until_us);
   // What was added is on the disk.
   Status sync();
   // Calls `visit` for the first `count` records in order, until it returns an error. REQUIRES: count <= size().
@@ -57,7 +58,7 @@ class PoseSpool {
  private:
   explicit PoseSpool(int fd) : fd_(fd) {}
   Status begin_file();
-  Status keep_whole(std::int64_t until_us);
+  Status check_header() const;
 
   const int fd_;
   std::atomic<std::uint64_t> size_{0};

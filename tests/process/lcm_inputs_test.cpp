@@ -193,6 +193,10 @@ TEST(LcmInputsTest, APanelThatHasOnlyLcmLearnsHowItsCommandsWent) {
   Panel panel;
   panel.send(command_t::MARK, 10, "door");
   EXPECT_EQ(panel.replies_to(10).back().message, "marked door");
+  panel.send(command_t::MARK, 10, "door");  // its reply was lost
+  EXPECT_EQ(panel.replies_to(10).back().message, "marked door");
+  const int marked = rig.health()["mapper"]["scans"];
+  EXPECT_TRUE(rig.wait_for_health([&](const json& h) { return h["mapper"]["scans"] > marked + 4; }));
   panel.send(command_t::SAVE_MAP, 11, "../etc");
   const reply_t refused = panel.replies_to(11).back();
   EXPECT_EQ(refused.state, reply_t::FAILED);
@@ -209,6 +213,9 @@ TEST(LcmInputsTest, APanelThatHasOnlyLcmLearnsHowItsCommandsWent) {
   EXPECT_EQ(saved.back().message, "saved " + hall.string());
   EXPECT_EQ(get_uuid(saved.back().run), DaemonRig::journal_of(rig.runs()[0]).run);
   for (std::size_t i = 1; i < saved.size(); ++i) EXPECT_GE(saved[i].progress, saved[i - 1].progress);
+  const std::string marks = text_in(hall / "marks.csv");
+  EXPECT_EQ(marks.find("\ndoor,"), marks.rfind("\ndoor,")) << "set once:\n" << marks;
+  EXPECT_NE(marks.find("\ndoor,"), std::string::npos);
   const auto written = std::filesystem::last_write_time(hall / "MANIFEST");
   panel.send(command_t::SAVE_MAP, 13, "hall");
   EXPECT_EQ(panel.replies_to(13).back().message, saved.back().message) << "the same request, if a reply was lost";

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """submapctl simulate and replay as others script against them. Usage: replay_test.py SUBMAPCTL"""
 import json
+import math
 import os
 import pathlib
 import subprocess
@@ -8,10 +9,13 @@ import sys
 import tempfile
 import unittest
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "tools"))
+import trajectory_error  # noqa: E402
+
 SUBMAPCTL = sys.argv.pop(1)
 
 FILES = ["trajectory.tum", "trajectory_filter.tum", "map.pgm", "map.yaml", "map.png", "graph.g2o", "submaps",
-         "metrics.json", "report.json"]
+         "metrics.json", "report.json", "journal", "poses"]
 # Keys of metrics.json that design section 7 promises.
 METRICS = {
     "scans": None, "scans_dropped": None, "log_s": None, "wall_s": None, "cpu_s": None, "realtime_factor": None,
@@ -92,6 +96,36 @@ class ReplayTest(unittest.TestCase):
         self.assertEqual(json.loads((one / "metrics.json").read_text())["particles"]["max"], 5)
         other = self.replay("rbpf3", "--filter", "rbpf", "--particles", "5", "--seed", "2")
         self.assertNotEqual((one / "trajectory.tum").read_bytes(), (other / "trajectory.tum").read_bytes())
+
+    def test_chunks_of_a_log_are_joined_the_same_for_any_number_of_workers(self):
+        prefix = self.folder / "long"
+        result = submapctl("simulate", "office", "--out", prefix, "--minutes", "2.25", "--speed", "1", "--seed", "3")
+        self.assertEqual(result.returncode, 0, result.stderr)
+        log = self.folder / "half.clf"  # a chunk has two minutes; at 20 Hz they are mapped in a second
+        lines = (self.folder / "long.clf").read_text().splitlines(True)
+        scans = [line for line in lines if not line.startswith("#")]
+        log.write_text("".join([line for line in lines if line.startswith("#")] + scans[::2]))
+        one = self.replay("workers1", "--workers", "1", log=log)
+        self.assertEqual({p.name for p in one.iterdir()}, set(FILES))
+        truth = self.folder / "half.truth.tum"
+        truth.write_text("".join((self.folder / "long.truth.tum").read_text().splitlines(True)[::2]))
+        scans = len(scans[::2])
+        for name in ("trajectory.tum", "trajectory_filter.tum"):
+            self.assertEqual(len((one / name).read_text().splitlines()), scans)
+        metrics = json.loads((one / "metrics.json").read_text())
+        self.assertEqual((metrics["scans"], metrics["scans_dropped"], metrics["breaks"]), (scans, 0, 0))
+        estimate, true = (trajectory_error.read_tum(path) for path in (one / "trajectory.tum", truth))
+        pairs = [(e[1:], t[1:]) for e, t in zip(estimate, true, strict=True)]
+        off = [math.hypot(e[0] - t[0], e[1] - t[1])
+               for e, (_, t) in zip(trajectory_error.moved(pairs), pairs, strict=True)]
+        self.assertLess(max(off), 0.10)
+        for workers in (2, 4):
+            self.assert_same(one, self.replay(f"workers{workers}", "--workers", workers, log=log))
+
+    def test_workers_need_a_log_that_can_be_read_again(self):
+        pipe = self.folder / "pipe"
+        os.mkfifo(pipe)
+        self.assert_usage_error([pipe, "--workers"], "replay", pipe, "--out", self.folder / "piped", "--workers", "2")
 
     def test_a_second_replay_into_the_same_folder_replaces_the_first(self):
         first = self.replay("again")

@@ -233,7 +233,7 @@ exec {SUBMAPCTL.resolve()} "$@"
                         if call.startswith(f"{word} ") and "/dev/null" not in call and "--help" not in call]
 
     def test_killed_in_the_middle_it_goes_on_and_what_is_done_is_not_done_again(self):
-        wanted = ("--rows", "office-empty,intel-used,workers", "--seeds", "1", "--minutes", "0.2")
+        wanted = ("--rows", "office-empty,intel-used,loop-trials", "--seeds", "1", "--minutes", "0.2")
         (self.folder / "kill").touch()
         result, calls = self.slam(*wanted)
         self.assertEqual((result.returncode, calls), (-9, ["simulate", "replay"]), result.stderr)
@@ -242,7 +242,7 @@ exec {SUBMAPCTL.resolve()} "$@"
         table = result.stdout
         self.assertRegex(table, r"office-empty +RMSE cm +0\.\d\d +0\.\d\d +≤ 1 +≤ 0.5 +(goal|met) so far +1 of 5")
         self.assertRegex(table, r"intel-used .*no data: SUBMAPD_DATA is not set")
-        self.assertRegex(table, r"workers .*not built")
+        self.assertRegex(table, r"loop-trials .*not built")
         self.assertEqual(list((self.folder / "cache" / "logs").iterdir()), [])
         self.assertTrue((self.folder / "cache" / "pictures" / "office-empty-seed-1-0.2-min.png").exists())
         result, calls = self.slam(*wanted)

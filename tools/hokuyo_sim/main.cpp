@@ -48,6 +48,8 @@ struct Arguments {
   double ceiling_m = 2.8;
   double speed_m_s = 1.0;
   double stand_s = 0.0;
+  double halt_s = 0.0;
+  double halt_for_s = 0.0;
   std::vector<std::string> faults;
   driver::SimSensorOptions sensor;
   double boot_s = 1.5;
@@ -152,18 +154,20 @@ Expected<Surroundings> simulated_ranges(const Arguments& arguments) {
     return failure(motion.error());
   }
   const auto cart = std::make_shared<const Motion>(std::move(*motion));
-  const std::int64_t start_ns = driver::monotonic_now_ns() + static_cast<std::int64_t>(1e9 * arguments.stand_s);
-  const auto ranges_of = [=, world = scene->world](std::size_t scanner) {
-    WorldRangesOptions ranges;
-    ranges.seed = arguments.sensor.seed + scanner;
-    ranges.vertical = scanner + 1 == arguments.vertical;
-    ranges.ceiling_m = arguments.ceiling_m;
-    ranges.start_ns = start_ns;
-    return std::make_unique<WorldRanges>(world, cart, ranges);
+  WorldRangesOptions ranges;
+  ranges.ceiling_m = arguments.ceiling_m;
+  ranges.start_ns = driver::monotonic_now_ns() + static_cast<std::int64_t>(1e9 * arguments.stand_s);
+  ranges.halt_s = arguments.halt_s;
+  ranges.halt_for_s = arguments.halt_for_s;
+  const auto ranges_of = [=, world = scene->world, seed = arguments.sensor.seed,
+                          vertical = arguments.vertical](std::size_t scanner) {
+    WorldRangesOptions own = ranges;
+    own.seed = seed + scanner;
+    own.vertical = scanner + 1 == vertical;
+    return std::make_unique<WorldRanges>(world, cart, own);
   };
-  return Surroundings{ranges_of, [cart, start_ns](std::int64_t mono_ns) {
-                        return cart->at(1e-9 * static_cast<double>(mono_ns - start_ns));
-                      }};
+  return Surroundings{
+      ranges_of, [cart, ranges](std::int64_t mono_ns) { return pose_at(*cart, ranges, static_cast<double>(mono_ns)); }};
 }
 
 void wait_for_signal() {
@@ -325,6 +329,9 @@ void add_options(CLI::App& app, Arguments& a) {
   app.add_option("--stand", a.stand_s, "Seconds that the cart stands before it rolls")
       ->check(CLI::Range(0.0, 600.0))
       ->capture_default_str();
+  app.add_option("--halt", a.halt_s, "Seconds that the cart rolls before it stops at once, for --halt-for")
+      ->check(CLI::Range(0.0, 86'400.0));
+  app.add_option("--halt-for", a.halt_for_s, "Seconds of that stop")->check(CLI::Range(0.0, 86'400.0));
   app.add_option(
          "--fault", a.faults,
          "[N:]KIND@SECONDS[:ARGUMENT]: what goes wrong with scanner N that long after its first scan; a wrong KIND "

@@ -52,12 +52,7 @@ MockNode::MockNode(const CdcLayout& layout, driver::SimSensor& sensor, std::mute
     : layout_(layout), sensor_(sensor), mutex_(mutex), changed_(changed), in_(layout.zero_length_packets) {}
 
 MockNode::~MockNode() {
-  for (std::deque<Urb>* const urbs : {&reading_, &waiting_, &done_}) {
-    for (Urb& urb : *urbs) {
-      g_clear_object(&urb.data);
-      g_clear_object(&urb.buffer);
-    }
-  }
+  forget_all();
   if (handler_ != nullptr) {
     g_object_unref(handler_);
   }
@@ -99,6 +94,18 @@ void MockNode::show_reapable() {
 void MockNode::finish(Urb urb, int status) {
   urb.status = status;
   done_.push_back(urb);
+}
+
+// Of whoever had the node open before: a program that was killed leaves its transfers, and umockdev tells nobody.
+void MockNode::forget_all() {
+  for (std::deque<Urb>* const urbs : {&reading_, &waiting_, &done_}) {
+    for (Urb& urb : *urbs) {
+      g_clear_object(&urb.data);
+      g_clear_object(&urb.buffer);
+    }
+    urbs->clear();
+  }
+  if (fifo_ >= 0) show_reapable();
 }
 
 void MockNode::end_all(int status) {
@@ -168,7 +175,8 @@ void MockNode::handle(UMockdevIoctlClient* client) {
   // Also while umockdev completes the call: it reads the buffers that the pump fills.
   const std::lock_guard lock(mutex_);
   switch (request) {
-    case USBDEVFS_GET_CAPABILITIES:
+    case USBDEVFS_GET_CAPABILITIES:  // the first that libusb asks of a node it opened
+      forget_all();
       write_value<std::uint32_t>(arg, USBDEVFS_CAP_ZERO_PACKET | USBDEVFS_CAP_NO_PACKET_SIZE_LIM |
                                           USBDEVFS_CAP_REAP_AFTER_DISCONNECT | USBDEVFS_CAP_BULK_CONTINUATION);
       break;

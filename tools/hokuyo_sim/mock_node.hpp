@@ -48,6 +48,7 @@ class MockNode {
   void control(Urb& urb);
   void service();
   void finish(Urb urb, int status);
+  void forget_all();
   void end_all(int status);
   void show_reapable();
 

@@ -28,6 +28,12 @@ double sigma_m(double range_m) {
 
 }  // namespace
 
+Pose2 pose_at(const Motion& motion, const WorldRangesOptions& options, double true_ns) {
+  const double since_s = 1e-9 * (true_ns - static_cast<double>(options.start_ns));
+  const double halted_s = std::clamp(since_s - options.halt_s, 0.0, options.halt_for_s);
+  return motion.at(since_s - halted_s);
+}
+
 WorldRanges::WorldRanges(std::shared_ptr<const World> world, std::shared_ptr<const Motion> motion,
                          WorldRangesOptions options)
     : world_(std::move(world)), motion_(std::move(motion)), options_(options) {}
@@ -61,8 +67,8 @@ double WorldRanges::vertical_m(const Pose2& pose, double angle_rad) const {
 void WorldRanges::measure(std::uint64_t rotation, std::int64_t first_beam_ns, std::span<std::uint32_t> range_mm,
                           std::span<std::uint32_t> intensity) {
   for (std::size_t i = 0; i < range_mm.size(); ++i) {
-    const double time_ns = static_cast<double>(first_beam_ns - options_.start_ns) + kBeam_ns * static_cast<double>(i);
-    const Pose2 pose = motion_->at(1e-9 * time_ns);
+    const double beam_ns = static_cast<double>(first_beam_ns) + kBeam_ns * static_cast<double>(i);
+    const Pose2 pose = pose_at(*motion_, options_, beam_ns);
     const double angle_rad = kStep_rad * (static_cast<int>(i) - kFrontStep);
     const double exact_m = options_.vertical ? vertical_m(pose, angle_rad) : horizontal_m(pose, angle_rad);
     intensity[i] = 0;

@@ -21,7 +21,12 @@ struct WorldRangesOptions {
   double height_m = 1.2;      // of the vertical scanner above the floor
   double ceiling_m = 2.8;     // above the floor; must be more than height_m
   std::int64_t start_ns = 0;  // true time at which the motion starts
+  double halt_s = 0.0;        // of the motion: then the cart stands at once,
+  double halt_for_s = 0.0;    // so long, and goes on as it was
 };
+
+// Pose of the cart at a true time.
+[[nodiscard]] Pose2 pose_at(const Motion& motion, const WorldRangesOptions& options, double true_ns);
 
 class WorldRanges final : public driver::RangeSource {
  public:

@@ -18,6 +18,12 @@ class DurationHistogram {
     const double step = std::log(std::max(ms, kLowest_ms) / kLowest_ms) / std::log(kGrowth);
     ++bins_[std::min(static_cast<std::size_t>(step), kBins - 1)];
   }
+  void add(const DurationHistogram& other) {
+    for (std::size_t i = 0; i < kBins; ++i) bins_[i] += other.bins_[i];
+    count_ += other.count_;
+    sum_ms_ += other.sum_ms_;
+    max_ms_ = std::max(max_ms_, other.max_ms_);
+  }
   [[nodiscard]] double mean_ms() const { return count_ > 0 ? sum_ms_ / static_cast<double>(count_) : 0.0; }
   [[nodiscard]] double max_ms() const { return max_ms_; }
   // Value below which the share q of all durations lies.

@@ -1,26 +1,17 @@
 #include "tools/replay/replay.hpp"
 
 #include <fmt/format.h>
-#include <lcm/lcm-cpp.hpp>
 
 #include <chrono>
 #include <memory>
 #include <optional>
-#include <vector>
 
 #include "daemon/allocator.hpp"
-#include "daemon/optimizer_thread.hpp"
-#include "daemon/submap_journal.hpp"
-#include "daemon/submap_publisher.hpp"
 #include "daemon/thread_pool.hpp"
 #include "daemon/version.hpp"
-#include "proto/scan_conversion.hpp"
-#include "slam/output/pose_spool.hpp"
 #include "slam/output/run_outputs.hpp"
-#include "slam/output/trajectory_file.hpp"
-#include "slam/submap/submap_archive.hpp"
-#include "tools/log/log_reader.hpp"
-#include "tools/replay/metrics.hpp"
+#include "tools/replay/chunked_mapping.hpp"
+#include "tools/replay/recording.hpp"
 #include "tools/replay/replay_report.hpp"
 
 namespace submapd::tools {
@@ -32,159 +23,83 @@ double seconds_since(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
-// A log's scans, and whose they are: what the first one says, nothing if the log does not tell.
-struct Recording {
-  std::unique_ptr<LogReader> reader;
-  std::optional<ScanOrigin> origin;
-};
-
-Expected<Recording> open_recording(const std::string& log, const std::string& prefix) {
-  // Filled while the reader looks for the first scan.
-  const auto origin = std::make_shared<std::optional<ScanOrigin>>();
-  const auto decoder = [channel = Channels(prefix).scan_h, origin](
-                           std::string_view name, std::span<const std::byte> data) -> Expected<std::optional<Scan>> {
-    if (name != channel) return std::optional<Scan>{};
-    Expected<ScanMessage> message = decode_scan(data);
-    if (!message) return tl::unexpected(message.error());
-    if (!*origin && message->origin.run != Uuid{}) *origin = message->origin;
-    return std::optional<Scan>(std::move(message->scan));
-  };
-  Expected<std::unique_ptr<LogReader>> reader = open_log(log, decoder);
-  if (!reader) return failure(reader.error());
-  return Recording{std::move(*reader), *origin};
-}
-
-// Everything between a scan and the optimised graph.
-class Pipeline {
+// The log through one mapper, scan by scan.
+class LiveMapping {
  public:
-  // A recorded run's sub-maps keep their identity, so that replay gives the very files that the daemon wrote.
-  Pipeline(const ReplayOptions& options, const std::optional<ScanOrigin>& origin,
-           std::unique_ptr<SubmapArchive> archive, std::unique_ptr<PoseSpool> spool)
-      : options_(options),
-        cart_(origin ? origin->cart : Uuid::from_seed(options.configuration.mapper.seed, 1)),
-        run_(origin ? origin->run : Uuid::from_seed(options.configuration.mapper.seed, 2)),
-        archive_(std::move(archive)),
-        spool_(std::move(spool)),
+  LiveMapping(const ReplayOptions& options, const Uuid& cart, const Uuid& run, const MappingOutputs& out)
+      : out_(out),
         pool_(options.threads),
-        mapper_(std::make_unique<Mapper>(options.configuration.mapper, cart_, run_, pool_)),
-        lcm_("memq://"),
-        publisher_(lcm_, SubmapPublisherOptions{Channels(), std::chrono::microseconds(0)}),
-        optimizer_(optimizer_options(options), *archive_),
-        thread_(
-            thread_options(cart_, run_), lcm_,
-            [this](std::uint32_t index, const Sha256& hash) { return journal_.find(index) == hash; }, *archive_,
-            optimizer_) {
-    reserve_heap(options.configuration.submap_cache_bytes + options.configuration.graph_bytes + kWorkHeap_bytes);
-  }
+        mapper_(std::make_unique<Mapper>(options.configuration.mapper, cart, run, pool_)) {}
 
-  Status process(const Scan& scan, TrajectoryFile& filter_trajectory) {
-    const double cpu = thread_cpu_s();
-    const Clock::time_point start = Clock::now();
-    const ScanReport report = mapper_->process(scan);
-    metrics_.scan_wall.add(seconds_since(start) * 1e3);
-    metrics_.scan_cpu.add((thread_cpu_s() - cpu) * 1e3);
-    metrics_.particles_sum += report.particles;
-    metrics_.particles_max = std::max(metrics_.particles_max, report.particles);
-    if (report.particles > 1) ++metrics_.scans_above_one;
-    if (report.odometry_used) ++metrics_.scans_with_odometry;
-    if (first_stamp_us_ == 0) first_stamp_us_ = scan.stamp_us;
-    metrics_.log_s = std::max(metrics_.log_s, static_cast<double>(scan.stamp_us - first_stamp_us_) * 1e-6);
-    if (next_scan_index_ != 0 && scan.index > next_scan_index_) metrics_.scans_dropped += scan.index - next_scan_index_;
-    next_scan_index_ = scan.index + 1;
-
-    const SpooledPose spooled{
-        scan.stamp_us,   report.keyframe_scan_index, report.keyframe_from_base, report.keyframe_step,
-        report.keyframe, report.keyframe_linked};
-    if (Status status = spool_->add(spooled); !status.ok()) return status;
-    if (Status status = filter_trajectory.add(scan.stamp_us, compose(map_from_odom_, report.odom_from_base));
-        !status.ok()) {
-      return status;
-    }
+  Status process(const Scan& scan) {
+    const ScanReport report = scans_.process(*mapper_, scan);
+    if (Status status = out_.poses.add(spooled(report)); !status.ok()) return status;
+    const Pose2 map_from_base = compose(out_.feed.map_from_odom(), report.odom_from_base);
+    if (Status status = out_.filter_trajectory.add(scan.stamp_us, map_from_base); !status.ok()) return status;
     return hand_on_finished();
   }
 
-  // Closes the run: the last sub-map, the remaining loops and the final graph.
-  Expected<FinalResult> finish() {
+  // Closes the last sub-map. The mapper's maps make room for the final graph and for the map that is saved.
+  Status finish() {
     mapper_->finish_run();
-    if (Status status = hand_on_finished(); !status.ok()) return failure(status);
-    metrics_.mapper = mapper_->counters();
-    metrics_.bytes = mapper_->budgets();
-    mapper_.reset();  // its maps make room for the final graph and for the map that is saved
-    Expected<FinalResult> result = thread_.finish();
-    metrics_.optimizer = optimizer_.counters();
-    const BytesUse cache = archive_->cache_bytes();
-    metrics_.bytes.push_back({"submap_cache", cache.used, cache.peak, cache.limit});
-    metrics_.bytes.push_back(
-        {"graph", metrics_.optimizer.bytes_used, metrics_.optimizer.bytes_peak, options_.configuration.graph_bytes});
-    return result;
-  }
-
-  [[nodiscard]] GraphState graph() const { return thread_.latest(); }
-  [[nodiscard]] std::uint64_t submaps() const { return published_; }
-  [[nodiscard]] std::uint64_t confirmed_loops() const { return thread_.back_end_counters().loops_confirmed; }
-  [[nodiscard]] ReplayMetrics& metrics() { return metrics_; }
-  [[nodiscard]] SubmapArchive& archive() { return *archive_; }
-  [[nodiscard]] PoseSpool& spool() { return *spool_; }
-
- private:
-  static OptimizerOptions optimizer_options(const ReplayOptions& options) {
-    OptimizerOptions o;
-    o.loops = options.loops;
-    o.graph_bytes_limit = options.configuration.graph_bytes;
-    return o;
-  }
-  static OptimizerThreadOptions thread_options(const Uuid& cart, const Uuid& run) {
-    OptimizerThreadOptions o;
-    o.cart = cart;
-    o.run = run;
-    o.queue_capacity = 1024;
-    o.lost_after = std::chrono::milliseconds(0);
-    o.lost_is_error = true;
-    o.graph_pace = std::chrono::microseconds(0);
-    return o;
-  }
-
-  // A finished sub-map goes to the disk, then over LCM, and the next scan waits for the optimizer's answer.
-  Status hand_on_finished() {
-    const std::optional<FinishedSubmap> finished = mapper_->take_finished();
-    if (!finished) return {};
-    const Expected<Sha256> hash = archive_->save(*finished);
-    if (!hash) return hash.error();
-    journal_.add(finished->id.index, *hash);
-    if (Status status = publisher_.publish(*finished, *hash); !status.ok()) return status;
-    if (Status status = thread_.wait_until_processed(finished->id.index); !status.ok()) return status;
-    ++published_;
-    // The newest optimised sub-map carries the odom frame into the map.
-    const GraphState graph = thread_.latest();
-    if (!graph.submaps.empty()) {
-      map_from_odom_ = compose(graph.submaps.back().map_from_submap, inverse(finished->odom_from_submap));
-    }
+    if (Status status = hand_on_finished(); !status.ok()) return status;
+    scans_.write_to(out_.metrics);
+    out_.metrics.mapper = mapper_->counters();
+    out_.metrics.bytes = mapper_->budgets();
+    mapper_.reset();
     return {};
   }
 
-  const ReplayOptions& options_;
-  Uuid cart_;
-  Uuid run_;
-  std::unique_ptr<SubmapArchive> archive_;
-  std::unique_ptr<PoseSpool> spool_;
+ private:
+  Status hand_on_finished() {
+    const std::optional<FinishedSubmap> finished = mapper_->take_finished();
+    return finished ? out_.feed.feed(*finished) : Status();
+  }
+
+  const MappingOutputs& out_;
   ThreadPool pool_;
   std::unique_ptr<Mapper> mapper_;
-  SubmapJournal journal_;
-  lcm::LCM lcm_;
-  SubmapPublisher publisher_;
-  Optimizer optimizer_;
-  OptimizerThread thread_;
-  Pose2 map_from_odom_;
-  std::int64_t first_stamp_us_ = 0;
-  std::uint64_t next_scan_index_ = 0;
-  std::uint64_t published_ = 0;
-  ReplayMetrics metrics_;
+  ScanStatistics scans_;
 };
+
+Status map_in_order(const ReplayOptions& options, LogReader& reader, const Uuid& cart, const Uuid& run,
+                    const MappingOutputs& out) {
+  LiveMapping mapping(options, cart, run, out);
+  reserve_heap(options.configuration.submap_cache_bytes + options.configuration.graph_bytes +
+               work_heap_bytes(options.configuration.graph_bytes));
+  ReplayProgress shown;
+  for (;;) {
+    const Expected<std::optional<Scan>> scan = reader.next();
+    if (!scan) return scan.error();
+    if (!scan->has_value()) break;
+    if (Status status = mapping.process(**scan); !status.ok()) return status;
+    if (++shown.scans % 50 == 0) {
+      shown.share = reader.progress();
+      shown.submaps = out.feed.submaps();
+      shown.loops = out.feed.confirmed_loops();
+      out.progress(shown);
+    }
+  }
+  out.metrics.log = reader.summary();
+  return mapping.finish();
+}
+
+// Each worker opens the log for itself.
+Status check_shareable(const std::string& log) {
+  std::error_code error;
+  if (std::filesystem::is_regular_file(log, error) || std::filesystem::is_directory(log, error)) return {};
+  return {StatusCode::kInvalidArgument,
+          fmt::format("{}: --workers reads the log more than once and takes a file or a run's folder; "
+                      "copy it to a file or leave --workers out",
+                      log)};
+}
 
 Status prepare_folder(const std::filesystem::path& out) {
   std::error_code error;
   std::filesystem::create_directories(out, error);
-  if (!error) std::filesystem::remove_all(out / "submaps", error);
+  for (const char* const name : {"submaps", "journal", "poses"}) {
+    if (!error) std::filesystem::remove_all(out / name, error);
+  }
   if (error) {
     return {StatusCode::kIo, fmt::format("cannot prepare the folder {}: {}", out.string(), error.message())};
   }
@@ -196,52 +111,64 @@ Status prepare_folder(const std::filesystem::path& out) {
 Expected<ReplayResult> replay(const ReplayOptions& options,
                               const std::function<void(const ReplayProgress&)>& progress) {
   const Clock::time_point start = Clock::now();
+  if (options.workers > 0) {
+    if (Status status = check_shareable(options.log); !status.ok()) return failure(status);
+  }
   Expected<Recording> recording = open_recording(options.log, options.configuration.lcm.prefix);
   if (!recording) return failure(recording.error());
-  const std::unique_ptr<LogReader>& reader = recording->reader;
   if (Status status = prepare_folder(options.out); !status.ok()) return failure(status);
   Expected<std::unique_ptr<SubmapArchive>> archive =
       SubmapArchive::open(options.out / "submaps", options.configuration.submap_cache_bytes);
   if (!archive) return failure(archive.error());
-  Expected<std::unique_ptr<PoseSpool>> spool = PoseSpool::create(options.out);
-  if (!spool) return failure(spool.error());
+  const Expected<std::unique_ptr<PoseSpool>> poses = PoseSpool::open(options.out / "poses");
+  if (!poses) return failure(poses.error());
 
-  Pipeline pipeline(options, recording->origin, std::move(*archive), std::move(*spool));
-  TrajectoryFile filter_trajectory(options.out / "trajectory_filter.tum");
+  // A recorded run's sub-maps keep their identity, so that replay gives the very files that the daemon wrote.
+  const std::uint64_t seed = options.configuration.mapper.seed;
+  const Uuid cart = recording->origin ? recording->origin->cart : Uuid::from_seed(seed, 1);
+  const Uuid run = recording->origin ? recording->origin->run : Uuid::from_seed(seed, 2);
+  ReplayMetrics metrics;
+  metrics.seed = seed;
   ReplayProgress shown;
-  for (;;) {
-    const Expected<std::optional<Scan>> scan = reader->next();
-    if (!scan) return failure(scan.error());
-    if (!scan->has_value()) break;
-    if (Status status = pipeline.process(**scan, filter_trajectory); !status.ok()) return failure(status);
-    if (++shown.scans % 50 == 0) {
-      shown.share = reader->progress();
-      shown.submaps = pipeline.submaps();
-      shown.loops = pipeline.confirmed_loops();
-      progress(shown);
-    }
+  const auto tell = [&](const ReplayProgress& p) { progress(shown = p); };
+  SubmapFeed feed(options.configuration, options.loops, cart, run, std::move(*archive));
+  TrajectoryFile filter_trajectory(options.out / "trajectory_filter.tum");
+  const MappingOutputs mapping{feed, **poses, filter_trajectory, metrics, tell};
+  Status mapped;
+  if (options.workers > 0) {
+    recording->reader.reset();
+    mapped = map_in_chunks({.log = options.log,
+                            .configuration = options.configuration,
+                            .chunks = {},
+                            .workers = options.workers,
+                            .threads = options.threads,
+                            .folder = options.out,
+                            .cart = cart,
+                            .run = run},
+                           mapping);
+  } else {
+    mapped = map_in_order(options, *recording->reader, cart, run, mapping);
   }
+  if (!mapped.ok()) return failure(mapped);
   if (Status status = filter_trajectory.commit(); !status.ok()) return failure(status);
+  if (Status status = feed.write_journal(options.out / "journal"); !status.ok()) return failure(status);
   shown.share = 1.0;
   shown.stage = "optimising";
   progress(shown);
-  Expected<FinalResult> result = pipeline.finish();
+  Expected<FinalResult> result = feed.finish(metrics);
   if (!result) return failure(result.error());
   shown.stage = "saving";
   progress(shown);
 
-  ReplayMetrics& metrics = pipeline.metrics();
-  metrics.log = reader->summary();
-  metrics.seed = options.configuration.mapper.seed;
   const RunOutputs outputs{.folder = options.out,
                            .name = std::filesystem::path(options.log).filename().string(),
                            .subtitle = fmt::format("submapd {}, seed {}", kVersion, metrics.seed),
                            .mapper = options.configuration.mapper,
                            .raster_bytes = options.configuration.map_raster_bytes,
                            .result = *result,
-                           .submaps = pipeline.archive(),
-                           .poses = pipeline.spool(),
-                           .scans = pipeline.spool().size(),
+                           .submaps = feed.archive(),
+                           .poses = **poses,
+                           .scans = (*poses)->size(),
                            .marks = {}};
   const Expected<RunOutputsSummary> written = write_run_outputs(outputs);
   if (!written) return failure(written.error());

@@ -18,6 +18,7 @@ using CommandRun = std::function<int()>;  // returns the exit code: 0 or one of 
 int report(std::string_view command, const Status& status);
 
 void register_control(CLI::App& app, CommandRun& run);  // what is asked of a running daemon
+void register_landmarks(CLI::App& app, CommandRun& run);
 void register_replay(CLI::App& app, CommandRun& run);
 void register_scip_decode(CLI::App& app, CommandRun& run);
 void register_sensors(CLI::App& app, CommandRun& run);

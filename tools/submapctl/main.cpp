@@ -12,6 +12,7 @@ int main(int argc, char** argv) {
     app.require_subcommand(1);
     submapd::tools::CommandRun run;
     submapd::tools::register_control(app, run);
+    submapd::tools::register_landmarks(app, run);
     submapd::tools::register_replay(app, run);
     submapd::tools::register_scip_decode(app, run);
     submapd::tools::register_sensors(app, run);

@@ -20,6 +20,7 @@ struct ReplayArguments {
   std::string filter;
   int particles = 0;
   int threads = 1;
+  int workers = 0;
   std::int64_t seed = -1;
   bool no_loops = false;
 };
@@ -42,6 +43,7 @@ int run_replay(const ReplayArguments& arguments) {
   options.log = arguments.log;
   options.out = arguments.out;
   options.threads = arguments.threads;
+  options.workers = arguments.workers;
   options.loops = !arguments.no_loops;
 
   const bool progress = isatty(STDERR_FILENO) == 1;
@@ -75,6 +77,11 @@ void register_replay(CLI::App& app, CommandRun& run) {
   command->add_option("--threads", arguments->threads, "Threads of the particle filter; same result for any number")
       ->check(CLI::Range(1, 64))
       ->capture_default_str();
+  command
+      ->add_option("--workers", arguments->workers,
+                   "Map chunks of the log by so many at once, each with the memory of one mapper; same result for any "
+                   "number, another than without")
+      ->check(CLI::Range(1, 64));
   command->add_option("--seed", arguments->seed, "Seed of all random numbers (default 1)")
       ->check(CLI::NonNegativeNumber);
   command->add_flag("--no-loops", arguments->no_loops, "Tie adjacent sub-maps only");

@@ -13,8 +13,9 @@ namespace {
 constexpr double kReunwarp_m_s = 0.05;
 constexpr double kReunwarp_rad_s = 0.0524;
 constexpr double kUnknownTurn_rad_s = 0.7;
-constexpr int kSpread = 8;         // particles for two places
-constexpr double kMoved_m = 0.01;  // less is standing: weights of a standing cart count the same evidence again
+constexpr double kShortGap_s = 0.15;  // scans are missing: a descent from the prediction may end elsewhere
+constexpr int kSpread = 8;            // particles for two places
+constexpr double kMoved_m = 0.01;     // less is standing: weights of a standing cart count the same evidence again
 constexpr double kMoved_rad = 0.0087;
 
 }  // namespace
@@ -29,8 +30,8 @@ void Mapper::Impl::set_prior(Particle& p, double step_s) const {
   const PredictedMotion motion = predict(p, step_s);
   p.prior.pose = compose(p.pose, motion.delta);
   p.prior.information = motion_information(motion, p.prior.pose.yaw);
-  p.prior.weak_axis = Eigen::Vector2d::Zero();
-  if (axial.cold() && !odometry_given && step_s <= options.low_rate_s) {
+  p.prior.weak = {};
+  if (axial.cold() && !odometry_delta && step_s <= options.low_rate_s) {
     // A cart that rolls when mapping begins: nothing is known of its speed yet.
     const double sigma_m = options.axial.unknown_speed_sigma * step_s;
     const double sigma_rad = kUnknownTurn_rad_s * step_s;
@@ -39,7 +40,7 @@ void Mapper::Impl::set_prior(Particle& p, double step_s) const {
             .asDiagonal();
   }
   if (!degeneracy.weak()) return;
-  p.prior.weak_axis = degeneracy.axis();
+  p.prior.weak = {degeneracy.axis(), degeneracy.turn_rad_m()};
   const Eigen::Vector2d a = degeneracy.axis();
   auto translation = p.prior.information.topLeftCorner<2, 2>();
   // The few beams that face the axis must be able to teach a new speed, which the twist's own Q would not let them. The
@@ -100,7 +101,7 @@ KnownFit Mapper::Impl::filter_by_matching(const Scan& scan, double step_s, std::
   });
   // Serial: the search has one scratch store.
   KnownFit fit;
-  const bool search_anyway = low_rate && !odometry_delta && single();
+  const bool search_anyway = (low_rate || step_s > kShortGap_s) && !odometry_delta && single();
   for (Particle& p : set.particles()) {
     KnownFit own = registration.fit(view_of(p), p.match.pose);
     if (!registration.blind() && (!registration.acceptable(own) || search_anyway)) {
@@ -125,16 +126,17 @@ void Mapper::Impl::watch_degeneracy(double step_s, bool low_rate) {
   if (!adaptive() && !single()) return;
   const Particle& best = set.best();
   const Pose2 predicted = compose(best.pose, predict(best, step_s).delta);
-  const auto look = [&](const Eigen::Vector2d& weak_axis) {
+  const auto look = [&](const WeakMotion& weak) {
     return line_system(registration.points().thinned(), window.front().map().surface(),
-                       registration.points().angle_step_rad(), predicted, weak_axis, options.matcher.lines);
+                       registration.points().angle_step_rad(), predicted, weak, options.matcher.lines);
   };
   const bool was_weak = degeneracy.weak();
   const bool was_active = degeneracy.active();
-  const LineSystem system = look(Eigen::Vector2d::Zero());
+  const LineSystem system = look({});
   degeneracy.update(system.equations.H, system.associated, step_s);
   if (!degeneracy.weak()) return;
-  degeneracy.hold(look(degeneracy.axis()).axial_information);
+  const WeakMotion weak{degeneracy.axis(), degeneracy.turn_rad_m()};
+  degeneracy.hold(look(weak).axial_information);
   if (!was_weak) axial.start();
   axial_variance_m2 = axial.predict(step_s, degeneracy.active());
   if (!degeneracy.active() || was_active || !single()) return;

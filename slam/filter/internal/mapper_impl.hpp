@@ -9,6 +9,7 @@
 
 #include "slam/filter/axial_motion.hpp"
 #include "slam/filter/internal/odometry_gate.hpp"
+#include "slam/filter/internal/scan_continuity.hpp"
 #include "slam/filter/internal/scan_registration.hpp"
 #include "slam/filter/internal/submap_window.hpp"
 #include "slam/filter/mapper.hpp"
@@ -97,14 +98,23 @@ struct Mapper::Impl {
   [[nodiscard]] Pose2 since_keyframe() const { return between(set.tree().node(set.best().node).pose, set.best().pose); }
 
   [[nodiscard]] bool wants_keyframe(const Scan& scan) const;
+  // It fits much worse than scans have of late. In slow logs one wrong key-frame is all that the next scan has to go
+  // by.
+  [[nodiscard]] bool doubtful(const KnownFit& fit);
 
   // ---- after a gap ----
 
   // The key-frames of a finished sub-map once more, as they were.
   void insert_again(const FinishedSubmap& submap);
   void resume_after(const FinishedSubmap& last);
-  // The first scan after a gap.
+  // For how long nobody has known where the cart goes, if that is so: no scan came, or none that saw anything.
+  [[nodiscard]] std::optional<double> gap_before(const Scan& scan) const;
+  // The first scan after a gap: found again in the front, as far as the cart can have come, or a break.
   void pick_up(const Scan& scan, double gap_s, ScanReport& report, KnownFit& fit);
+  // The scan, whose points are taken, is what the next one is held against.
+  void note_seen(const Scan& scan);
+  // The scan shows another place than the one before it did.
+  [[nodiscard]] bool shows_another_place(double step_s) const;
 
   // ---- one scan ----
 
@@ -119,6 +129,7 @@ struct Mapper::Impl {
   DistanceLayers layers;
   SubmapWindow window;
   ScanRegistration registration;
+  ScanContinuity continuity;
   DegeneracyMonitor degeneracy;
   AxialMotion axial;
   double axial_variance_m2 = 0.0;  // of the predicted position along the weak axis
@@ -134,9 +145,9 @@ struct Mapper::Impl {
   Pose2 first_odom;  // of the next track's first sub-map, if none is open
   bool first_linked = true;
   std::optional<Pose2> odometry_delta;
-  bool odometry_given = false;
   std::int64_t last_stamp_us = 0;
   std::int64_t tracked_us = 0;  // of the last scan whose place is known
+  std::int64_t seen_us = 0;     // of the last scan that saw enough to be followed
   Twist2 last_twist;
   Eigen::Matrix3d last_covariance = Eigen::Matrix3d::Zero();
   Eigen::Matrix3d last_keyframe_covariance = Eigen::Matrix3d::Zero();
@@ -145,6 +156,7 @@ struct Mapper::Impl {
   bool degenerate_since_keyframe = false;
   bool was_degenerate = false;
   bool moved_since_resampling = false;
+  double usual_fit = 0.0;  // matched_ratio, smoothed; 0: none yet
   int lost_scans = 0;
   double lost_time_s = 0.0;
   MapperCounters counters;

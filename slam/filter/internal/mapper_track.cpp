@@ -3,6 +3,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "slam/base/small_matrix.hpp"
 #include "slam/filter/internal/mapper_impl.hpp"
 #include "slam/filter/internal/relocalisation.hpp"
 
@@ -11,16 +12,19 @@ namespace {
 
 constexpr double kLostBreak_s = 0.6;  // this long without a match: the map goes on in a new sub-map
 constexpr int kLostBreakScans = 5;
+constexpr double kUnseen_s = 0.6;   // without a scan that sees anything: the cart may have stopped or turned since
+constexpr double kAnyTime_s = 1e6;  // nobody knows how far it was carried
+constexpr int kComparedPoints = 30;
+constexpr double kSamePlace = 0.5;    // share of a scan that the one before it showed, at least
+constexpr double kOpenedView = 0.1;   // share that lies behind what was seen: more than a passer-by who left
+constexpr double kSurelyKnown = 0.5;  // such a scan belongs to the map only if it fits very well
+constexpr double kSurelyMatched = 0.7;
+constexpr double kMuchWorse = 0.12;   // than usual: such a scan is not made part of the map
+constexpr double kUsualShare = 0.05;  // of the newest scan
 
 double entropy_of(const Eigen::Matrix3d& covariance) {
   const double det = std::max(covariance.determinant(), 1e-30);
   return 0.5 * (3.0 * std::log(2.0 * std::numbers::pi * std::numbers::e) + std::log(det));
-}
-
-Eigen::Matrix3d turned(const Eigen::Matrix3d& covariance, double yaw_rad) {
-  Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
-  turn.topLeftCorner<2, 2>() = rotation(yaw_rad);
-  return turn * covariance * turn.transpose();
 }
 
 }  // namespace
@@ -34,6 +38,7 @@ void Mapper::Impl::start_in_front(const Scan& scan) {
   lost_scans = 0;
   lost_time_s = 0.0;
   registration.assign(scan, {});
+  note_seen(scan);
   insert_keyframe(scan);
   refill();
 }
@@ -91,6 +96,13 @@ bool Mapper::Impl::wants_keyframe(const Scan& scan) const {
          (distance > 0.1 * options.keyframe_m || std::abs(step.yaw) > 0.2 * options.keyframe_rad);
 }
 
+bool Mapper::Impl::doubtful(const KnownFit& fit) {
+  if (usual_fit == 0.0) usual_fit = fit.matched_ratio;
+  const bool worse = fit.matched_ratio < usual_fit - kMuchWorse;
+  usual_fit += kUsualShare * (fit.matched_ratio - usual_fit);
+  return worse && period.median_s() > options.low_rate_s;
+}
+
 void Mapper::Impl::insert_again(const FinishedSubmap& submap) {
   KeyframeScan kept;
   for (const Keyframe& k : submap.keyframes) {
@@ -111,7 +123,7 @@ void Mapper::Impl::resume_after(const FinishedSubmap& last) {
   window.open_front(last.odom_from_submap, last.linked_to_previous);
   insert_again(last);
   const Keyframe& newest = last.keyframes.back();
-  last_stamp_us = tracked_us = newest.stamp_us;
+  last_stamp_us = tracked_us = seen_us = newest.stamp_us;
   last_keyframe_index = newest.scan_index;
   last_keyframe_stamp_us = newest.stamp_us;
   last_twist = newest.twist;
@@ -127,6 +139,30 @@ void Mapper::Impl::resume_after(const FinishedSubmap& last) {
     window.close(last.reason);
   }
   (void)window.take_finished(cart, run);  // it is in the archive
+}
+
+std::optional<double> Mapper::Impl::gap_before(const Scan& scan) const {
+  if (!window.is_open()) return std::nullopt;
+  const auto since = [&scan](std::int64_t stamp_us) { return static_cast<double>(scan.stamp_us - stamp_us) * 1e-6; };
+  if (gap) {
+    const double gap_s = since(tracked_us);
+    return gap_s > options.motion.max_extrapolation_s ? std::optional(gap_s) : std::nullopt;
+  }
+  const bool followed_otherwise = textbook() || odometry_delta || period.median_s() > options.low_rate_s;
+  const double gap_s = since(seen_us);
+  return !followed_otherwise && gap_s > kUnseen_s ? std::optional(gap_s) : std::nullopt;
+}
+
+void Mapper::Impl::note_seen(const Scan& scan) {
+  continuity.keep(registration.points());
+  seen_us = scan.stamp_us;
+}
+
+bool Mapper::Impl::shows_another_place(double step_s) const {
+  if (textbook() || odometry_delta || step_s > options.low_rate_s || registration.blind()) return false;
+  const Particle& best = set.best();
+  const ScanContinuity::Change change = continuity.compare(registration.points(), predict(best, step_s).delta);
+  return change.compared >= kComparedPoints && change.same < kSamePlace && change.farther > kOpenedView;
 }
 
 void Mapper::Impl::pick_up(const Scan& scan, double gap_s, ScanReport& report, KnownFit& fit) {
@@ -151,6 +187,7 @@ void Mapper::Impl::pick_up(const Scan& scan, double gap_s, ScanReport& report, K
   }
   p.match = *found;
   p.pose = p.mode = found->pose;
+  note_seen(scan);
   p.covariance = last_covariance = covariance_of(found->information, options.covariance_kappa, Eigen::Matrix3d::Zero());
   fit = registration.fit(view, p.pose);
   lost_scans = 0;
@@ -169,6 +206,7 @@ void Mapper::Impl::track(const Scan& scan, double elapsed_s, ScanReport& report,
   const double step_s = std::max(elapsed_s, period.median_s());
   registration.assign(scan, unwarp_twist());
   const Pose2 before = set.best().pose;
+  const bool elsewhere = shows_another_place(step_s);
   std::optional<CorrelativeResult> found;
   fit = textbook() ? filter_by_sampling(scan, step_s) : filter_by_matching(scan, step_s, found);
   // The textbook's filter trusts its motion model: it neither loses its track nor starts anew.
@@ -180,11 +218,13 @@ void Mapper::Impl::track(const Scan& scan, double elapsed_s, ScanReport& report,
   if (adaptive()) adapt(found);
 
   report.lost = !fits;
+  if (!registration.blind()) note_seen(scan);
   const bool given_up = lost_scans >= kLostBreakScans && lost_time_s > kLostBreak_s;
-  if (given_up && !registration.blind() && window.may_close()) {
-    break_track(scan);
-    report.keyframe = true;
-  } else if (fits && wants_keyframe(scan)) {
+  const bool carried_off = elsewhere && (fit.known_ratio < kSurelyKnown || fit.matched_ratio < kSurelyMatched);
+  if ((given_up || carried_off) && !registration.blind() && window.may_close()) {
+    report.lost = false;
+    pick_up(scan, kAnyTime_s, report, fit);
+  } else if (fits && !doubtful(fit) && wants_keyframe(scan)) {
     report.keyframe_step = since_keyframe();
     report.keyframe_linked = true;
     report.keyframe = true;

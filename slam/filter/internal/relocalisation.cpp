@@ -8,8 +8,8 @@
 namespace submapd {
 namespace {
 
-constexpr double kSpeed_m_s = 1.4;  // of a cart that is pushed while its computer starts
-constexpr double kTurn_rad_s = 1.0;
+constexpr double kSpeed_m_s = 3.0;
+constexpr double kTurn_rad_s = 2.0;
 constexpr double kLeast_m = 0.5;
 constexpr double kLeast_rad = 0.35;
 constexpr double kMost_m = 10.0;

@@ -64,49 +64,34 @@ void add_track(TrackGraph& graph, const GraphModel& model) {
   }
 }
 
-// How much of what the landmarks offer is taken, so that the rows stay below a limit: of each side's observations at
-// most `rows_a_side`, and every `landmark_stride`-th landmark of a pair. What is taken stands for what is left out: all
-// in all it is worth as much.
-struct Thinning {
-  std::size_t rows_a_side = 0;
-  std::size_t landmark_stride = 1;
-};
-
-Thinning thinning_for(std::size_t landmarks, std::size_t most_sights) {
-  const std::size_t rows_a_side = most_sights / std::max<std::size_t>(1, 2 * landmarks);
-  if (rows_a_side > 0) return {rows_a_side, 1};
-  return {1, (2 * landmarks + most_sights - 1) / most_sights};
-}
-
+// One row a side, from the middle one of the key-frames that see the spot: more would repeat the same evidence, and a
+// landmark of two rows is one between their two poses (least_squares.hpp).
 void add_side(TrackGraph& graph, const SubmapRecord& submap, const std::vector<std::uint32_t>& seen_from,
-              std::size_t most, const Eigen::Vector2d& place, const Eigen::Matrix2d& covariance) {
-  const std::size_t stride = (seen_from.size() + most - 1) / most;
-  const std::size_t rows = (seen_from.size() + stride - 1) / stride;
-  for (std::size_t k = 0; k < seen_from.size(); k += stride) {
-    const TrackPoint& from = submap.keyframes[seen_from[k]];
-    const LandmarkObservation seen = observation_of(place, covariance, from.pose, rows);
-    graph.sights.push_back({position_of(graph, from.scan_index), static_cast<std::uint32_t>(graph.landmarks.size()),
-                            seen.z, seen.covariance});
-  }
+              const Eigen::Vector2d& place, const Eigen::Matrix2d& covariance) {
+  const TrackPoint& from = submap.keyframes[seen_from[seen_from.size() / 2]];
+  const LandmarkObservation seen = observation_of(place, covariance, from.pose);
+  graph.sights.push_back({position_of(graph, from.scan_index), static_cast<std::uint32_t>(graph.landmarks.size()),
+                          seen.z, seen.covariance});
 }
 
+// Every `stride`-th landmark of a pair; what is taken stands for what is left out: all in all it is worth as much.
 // REQUIRES: usable landmarks (see LoopSearch).
 void add_sights(TrackGraph& graph, const GraphModel& model, const std::vector<VirtualLandmark>& landmarks,
-                double covariance_scale, const Thinning& thinning) {
+                double covariance_scale, std::size_t stride) {
   if (landmarks.empty()) return;
-  const std::size_t taken = (landmarks.size() + thinning.landmark_stride - 1) / thinning.landmark_stride;
+  const std::size_t taken = (landmarks.size() + stride - 1) / stride;
   const double scale = covariance_scale * static_cast<double>(taken) / static_cast<double>(landmarks.size());
-  for (std::size_t k = 0; k < landmarks.size(); k += thinning.landmark_stride) {
+  for (std::size_t k = 0; k < landmarks.size(); k += stride) {
     const VirtualLandmark& l = landmarks[k];
-    add_side(graph, model.submaps[l.a], l.seen_from_a, thinning.rows_a_side, l.in_a, scale * l.covariance_a);
-    add_side(graph, model.submaps[l.b], l.seen_from_b, thinning.rows_a_side, l.in_b, scale * l.covariance_b);
+    add_side(graph, model.submaps[l.a], l.seen_from_a, l.in_a, scale * l.covariance_a);
+    add_side(graph, model.submaps[l.b], l.seen_from_b, l.in_b, scale * l.covariance_b);
     graph.landmarks.emplace_back(0.5 * (transform(model.poses[l.a], l.in_a) + transform(model.poses[l.b], l.in_b)));
   }
 }
 
 }  // namespace
 
-TrackGraph build_track_graph(const GraphModel& model, std::size_t most_sights) {
+TrackGraph build_track_graph(const GraphModel& model) {
   TrackGraph graph;
   add_track(graph, model);
   std::size_t offered = 0;
@@ -114,10 +99,10 @@ TrackGraph build_track_graph(const GraphModel& model, std::size_t most_sights) {
   for (const LoopRecord& record : model.loops) {
     if (record.loop.state == LoopState::kConfirmed) offered += record.landmarks.size();
   }
-  const Thinning thinning = thinning_for(offered, most_sights);
-  for (const ChainLink& link : model.links) add_sights(graph, model, link.landmarks, 2.0, thinning);
+  const std::size_t stride = std::max<std::size_t>(1, (2 * offered + kMostSights - 1) / kMostSights);
+  for (const ChainLink& link : model.links) add_sights(graph, model, link.landmarks, 2.0, stride);
   for (const LoopRecord& record : model.loops) {
-    if (record.loop.state == LoopState::kConfirmed) add_sights(graph, model, record.landmarks, 1.0, thinning);
+    if (record.loop.state == LoopState::kConfirmed) add_sights(graph, model, record.landmarks, 1.0, stride);
   }
   return graph;
 }

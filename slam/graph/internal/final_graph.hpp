@@ -2,8 +2,8 @@
 //
 //   X*, L* = arg min Σ ‖(x_i⁻¹ ∘ x_i+1) ⊖ f_i‖²_Ω + Σ ρ(‖R_iᵀ(l_j - t_i) - z_ij‖²_Ω)
 //
-// A key-frame that lies in two sub-maps is one variable. What keeps a sub-map in shape are its own landmark rows: z_ij
-// from several of its key-frames to one spot of its map.
+// A key-frame that lies in two sub-maps is one variable. What keeps a sub-map in shape are its steps, which
+// are far surer than a landmark.
 #pragma once
 
 #include <atomic>
@@ -53,14 +53,12 @@ struct TrackGraph {
   std::vector<std::uint32_t> first_of_submap;
 };
 
-// Rows of landmarks that a graph has at most: each takes a kilobyte while it is solved. The fewer are what a direct
-// solver takes on: a fifth of the time, half a millimetre more.
+// Rows of landmarks that a graph has at most: they take memory while it is solved.
 inline constexpr std::size_t kMostSights = 24'000;
-inline constexpr std::size_t kQuickSights = 9'000;
 
 // Values from the live poses. Rows from links, landmarks of linked neighbours, confirmed loops, and edges that stand
-// for condensed sub-maps. Above `most_sights` (up to what rounding adds for a pair) landmarks are thinned.
-[[nodiscard]] TrackGraph build_track_graph(const GraphModel& model, std::size_t most_sights = kMostSights);
+// for condensed sub-maps. Above kMostSights (up to what rounding adds for a pair) landmarks are thinned.
+[[nodiscard]] TrackGraph build_track_graph(const GraphModel& model);
 
 // Solves in place, up to 50 iterations. `cancelled`: SolveOptions.
 Expected<SolveSummary> solve_track_graph(TrackGraph& graph, const std::atomic<bool>* cancelled = nullptr);

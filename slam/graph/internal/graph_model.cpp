@@ -2,6 +2,8 @@
 
 #include <utility>
 
+#include "slam/base/small_matrix.hpp"
+
 namespace submapd::graph {
 namespace {
 
@@ -105,12 +107,10 @@ ChainLink make_link(const SubmapRecord& a, const SubmapRecord& b, bool linked) {
     }
     if (pass < 2) mean = compose(mean, {sum.x() / count, sum.y() / count, sum.z() / count});
   }
-  Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
-  turn.topLeftCorner<2, 2>() = rotation(mean.yaw);
   // Spread of the mean, times 4 because neighbouring key-frames err together. When both sub-maps took their poses from
   // one track it is zero and says nothing: what is uncertain then is where b's origin lies in a, which the steps tell.
   link.edge.mean = {mean.x, mean.y, wrap_angle(mean.yaw)};
-  link.edge.covariance = turn * (spread * (4.0 / (count * count))) * turn.transpose() +
+  link.edge.covariance = turned(spread * (4.0 / (count * count)), mean.yaw) +
                          pose_covariance(kEdgeFloorM, kEdgeFloorRad) + compounded_steps(a, shared.front().first);
   return link;
 }

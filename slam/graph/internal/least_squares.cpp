@@ -8,6 +8,7 @@
 #include <glog/logging.h>
 
 #include <Eigen/Cholesky>
+#include <Eigen/LU>
 #include <array>
 #include <cmath>
 #include <memory>
@@ -22,9 +23,6 @@ namespace {
 // ordering of the whole finds them, and Schur's bookkeeping costs more than it saves.
 constexpr std::size_t kDensePoses = 8;
 constexpr std::size_t kDensePoints = 24;
-constexpr std::size_t kDirectRows = 10'000;  // of landmarks: more would make the factor the largest user of memory
-constexpr int kConjugateGradientSteps = 100;
-constexpr double kConjugateGradientAccuracy = 0.1;
 
 template <typename Matrix>
 std::optional<Matrix> whiten(const Matrix& covariance, double scale) {
@@ -40,9 +38,65 @@ double robust_half_cost(double squared, double scale) {
   return 0.5 * scale * scale * std::log1p(squared / (scale * scale));
 }
 
-ceres::LinearSolverType linear_solver(const LeastSquaresGraph& graph, bool direct) {
-  if (graph.poses.size() <= kDensePoses && graph.points.size() <= kDensePoints) return ceres::DENSE_NORMAL_CHOLESKY;
-  return direct || graph.point_rows.size() <= kDirectRows ? ceres::SPARSE_NORMAL_CHOLESKY : ceres::ITERATIVE_SCHUR;
+ceres::LinearSolverType linear_solver(std::size_t poses, std::size_t points) {
+  return poses <= kDensePoses && points <= kDensePoints ? ceres::DENSE_NORMAL_CHOLESKY : ceres::SPARSE_NORMAL_CHOLESKY;
+}
+
+// A point that is seen just twice, from different poses. What it says is how these two lie to each other: it is
+// eliminated by hand, which leaves the solver the poses alone, and placed when they are known.
+struct CommonPlace {
+  const PointRow* first = nullptr;
+  const PointRow* second = nullptr;
+};
+
+// By point; both rows null for one that stays a variable of the problem.
+std::vector<CommonPlace> find_common_places(const LeastSquaresGraph& graph) {
+  std::vector<CommonPlace> places(graph.points.size());
+  std::vector<std::uint32_t> rows(graph.points.size(), 0);
+  for (const PointRow& row : graph.point_rows) {
+    CommonPlace& place = places[row.point];
+    switch (rows[row.point]++) {
+      case 0:
+        place.first = &row;
+        break;
+      case 1:
+        place.second = &row;
+        break;
+      default:
+        place = {};
+    }
+  }
+  for (CommonPlace& place : places) {
+    if (place.second == nullptr || place.first->pose == place.second->pose) place = {};
+  }
+  return places;
+}
+
+// (WᵀW)⁻¹. REQUIRES: a regular W.
+Eigen::Matrix2d covariance_of(const PointRow& row) {
+  const Eigen::Matrix2d inverse = row.whitening.inverse();
+  return inverse * inverse.transpose();
+}
+
+// The second row's covariance in the frame of the first row's pose.
+Eigen::Matrix2d covariance_in_first(const CommonPlace& place, const std::vector<Pose2>& poses) {
+  const Eigen::Matrix2d turn = rotation(poses[place.second->pose].yaw - poses[place.first->pose].yaw);
+  return turn * covariance_of(*place.second) * turn.transpose();
+}
+
+// Where the rows have the point at the poses given, in the map: between the two, by their covariances, and the nearer
+// to where the surer one has it the more they disagree.
+Eigen::Vector2d place_in_map(const CommonPlace& place, const std::vector<Pose2>& poses, const SharedCauchyLoss& loss) {
+  const Pose2& a = poses[place.first->pose];
+  const Eigen::Matrix2d covariance_a = covariance_of(*place.first);
+  const Eigen::Matrix2d covariance_b = covariance_in_first(place, poses);
+  const Eigen::Vector2d from_b = transform(inverse(a), transform(poses[place.second->pose], place.second->measurement));
+  const Eigen::Vector2d apart = from_b - place.first->measurement;
+  const Eigen::Vector2d force = (covariance_a + covariance_b).inverse() * apart;
+  const double share = 1.0 - loss.lean(apart.dot(force));
+  const bool a_is_surer = covariance_a.determinant() <= covariance_b.determinant();
+  return transform(a, a_is_surer ? Eigen::Vector2d(place.first->measurement + share * (covariance_a * force))
+                                 : Eigen::Vector2d(from_b - share * (covariance_b * force)));
 }
 
 // Ceres reports every refused step through glog, which writes to stderr unless told not to; what matters is in the
@@ -110,33 +164,37 @@ Expected<SolveSummary> solve(LeastSquaresGraph& graph, const SolveOptions& optio
 
   PoseManifold manifold;
   ceres::CauchyLoss cauchy(options.cauchy_scale);
+  const std::vector<CommonPlace> common = find_common_places(graph);
+  SharedCauchyLoss shared_cauchy(options.cauchy_scale);
   ceres::Problem::Options ownership;
+  ownership.disable_all_safety_checks = true;
   ownership.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ownership.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ceres::Problem problem(ownership);
   for (auto& pose : poses) problem.AddParameterBlock(pose.data(), 3, &manifold);
-  for (auto& point : points) problem.AddParameterBlock(point.data(), 2);
   for (const PoseRow& row : graph.pose_rows) {
     problem.AddResidualBlock(new RelativePoseCost(row.measurement, row.whitening), nullptr, poses[row.from].data(),
                              poses[row.to].data());
   }
   for (const PointRow& row : graph.point_rows) {
+    if (common[row.point].first != nullptr) continue;
     problem.AddResidualBlock(new LandmarkCost(row.measurement, row.whitening), &cauchy, poses[row.pose].data(),
                              points[row.point].data());
+  }
+  std::size_t free_points = points.size();
+  for (const CommonPlace& place : common) {
+    if (place.first == nullptr) continue;
+    --free_points;
+    const auto white =
+        whitening(Eigen::Matrix2d(covariance_of(*place.first) + covariance_in_first(place, graph.poses)));
+    if (!white) continue;
+    problem.AddResidualBlock(new CommonPlaceCost(place.first->measurement, place.second->measurement, *white),
+                             &shared_cauchy, poses[place.first->pose].data(), poses[place.second->pose].data());
   }
   problem.SetParameterBlockConstant(poses[0].data());
 
   ceres::Solver::Options solver;
-  solver.linear_solver_type = linear_solver(graph, options.direct);
-  if (solver.linear_solver_type == ceres::ITERATIVE_SCHUR) {
-    solver.preconditioner_type = ceres::SCHUR_JACOBI;
-    solver.max_linear_solver_iterations = kConjugateGradientSteps;
-    solver.eta = kConjugateGradientAccuracy;
-    auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
-    for (auto& point : points) ordering->AddElementToGroup(point.data(), 0);
-    for (auto& pose : poses) ordering->AddElementToGroup(pose.data(), 1);
-    solver.linear_solver_ordering = ordering;
-  }
+  solver.linear_solver_type = linear_solver(poses.size(), free_points);
   solver.max_num_iterations = options.max_iterations;
   solver.num_threads = 1;
   solver.logging_type = ceres::SILENT;
@@ -154,6 +212,9 @@ Expected<SolveSummary> solve(LeastSquaresGraph& graph, const SolveOptions& optio
     return failure(StatusCode::kInternal, "graph solver: " + summary.message + "; the graph keeps its last values");
   }
   for (std::size_t k = 0; k < poses.size(); ++k) graph.poses[k] = {poses[k][0], poses[k][1], poses[k][2]};
+  for (std::size_t k = 0; k < points.size(); ++k) {
+    if (common[k].first != nullptr) points[k] = place_in_map(common[k], graph.poses, shared_cauchy);
+  }
   graph.points = std::move(points);
   return SolveSummary{summary.initial_cost, summary.final_cost,
                       summary.num_successful_steps + summary.num_unsuccessful_steps};

@@ -1,7 +1,7 @@
 // A sparse least-squares problem over poses and points, and its solver; the only place that knows Ceres.
 //
 // Both graphs come down to it: sub-map poses with landmarks while live, track points with landmarks at the end.
-// Levenberg-Marquardt, landmarks eliminated first, one thread, stopped by iterations: same input, same bits.
+// Levenberg-Marquardt, landmarks seen twice eliminated first, one thread, stopped by iterations: same input, same bits.
 #pragma once
 
 #include <Eigen/Core>
@@ -40,7 +40,6 @@ struct SolveOptions {
   int max_iterations = 10;
   double cauchy_scale = 1.0;                     // whitened residual at which a landmark row begins to lose weight
   const std::atomic<bool>* cancelled = nullptr;  // looked at between iterations; may be null
-  bool direct = false;  // factorise however large it is: where each point ties two poses only, the factor stays small
 };
 
 struct SolveSummary {
@@ -59,9 +58,9 @@ struct SolveSummary {
 // Half the robust sum of squares at the present values, as solve() sees it.
 [[nodiscard]] double cost(const LeastSquaresGraph& graph, double cauchy_scale);
 
-// Moves poses and points to a minimum near by. On failure they are left as they were. Large graphs are solved by
-// conjugate gradients on the Schur complement, whose memory grows with the rows only: the fill of a factor grows with
-// every pass through the same place (1 GB after ten). kUnavailable when `cancelled` is set.
+// Moves poses and points to a minimum near by. On failure they are left as they were. A point with just two rows, from
+// two poses, is eliminated beforehand, with the covariances turned as the poses are at the start, and comes out where
+// the solved poses have it: the factor is that of the poses tied. kUnavailable when `cancelled` is set.
 // REQUIRES: at least one pose, every index within its vector.
 Expected<SolveSummary> solve(LeastSquaresGraph& graph, const SolveOptions& options);
 

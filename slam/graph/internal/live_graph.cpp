@@ -71,7 +71,7 @@ Expected<SolveSummary> solve_live(GraphModel& model, const std::vector<std::size
     if (cost(build_live_graph(model), kCauchyScale) > before) poses.swap(model.poses);
   }
   LeastSquaresGraph graph = build_live_graph(model);
-  const auto summary = solve(graph, {kLiveIterations, kCauchyScale, cancelled, true});
+  const auto summary = solve(graph, {kLiveIterations, kCauchyScale, cancelled});
   if (summary) {
     model.poses = std::move(graph.poses);
     model.place_condensed();

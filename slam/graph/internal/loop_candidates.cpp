@@ -14,13 +14,12 @@ constexpr double kLeastGain = 2.0;
 // What a good match knows, to weigh what it would teach.
 const Eigen::Matrix3d kMatchCovariance = pose_covariance(0.02, 0.2 * kDegree);
 
-// Information gained about the relative pose by such a match, in nats: ½ log det(I + Σ Σ_match⁻¹).
+}  // namespace
+
 double information_gain(const Eigen::Matrix3d& covariance) {
   const Eigen::Matrix3d gain = Eigen::Matrix3d::Identity() + covariance * kMatchCovariance.inverse();
   return 0.5 * std::log(std::max(1.0, gain.determinant()));
 }
-
-}  // namespace
 
 Eigen::Vector3d search_window(const Eigen::Matrix3d& covariance) {
   const SubmapMatcherOptions limits;
@@ -34,7 +33,8 @@ Eigen::Vector3d search_window(const Eigen::Matrix3d& covariance) {
 
 std::vector<LoopCandidate> rank_candidates(const GraphModel& model, const PairTools& tools,
                                            const RelativeUncertainty& uncertainty, std::uint32_t b,
-                                           std::uint32_t min_gap) {
+                                           std::uint32_t min_gap,
+                                           const std::function<bool(std::uint32_t, const Pose2&)>& skip) {
   const SubmapMatcherOptions limits;
   std::vector<LoopCandidate> candidates;
   const SubmapOutline& outline_b = *model.submaps[b].outline;
@@ -44,7 +44,7 @@ std::vector<LoopCandidate> rank_candidates(const GraphModel& model, const PairTo
     const SubmapOutline& outline_a = *model.submaps[a].outline;
     const UncertainPose relative = inverse(from_b[a].pose);  // a_from_b
     const double gain = information_gain(relative.covariance);
-    if (gain < kLeastGain) continue;
+    if (gain < kLeastGain || skip(a, relative.mean)) continue;
     const Eigen::Vector3d window = search_window(relative.covariance);
     const double grow_m = std::max(window.x(), window.y());
     const double distance_m = (transform(relative.mean, outline_b.centre) - outline_a.centre).norm();

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <vector>
 
 #include "slam/graph/internal/graph_model.hpp"
@@ -21,14 +22,19 @@ struct LoopCandidate {
   double value = 0.0;  // expected information gain, weighed by the share of the smaller sub-map that overlaps
 };
 
+// Information gained about a relative pose of that covariance by a good match, in nats: ½ log det(I + Σ Σ_match⁻¹).
+[[nodiscard]] double information_gain(const Eigen::Matrix3d& covariance);
+
 // Half widths in which the matcher seeks for a prior of that covariance: 3 sigma within its limits.
 [[nodiscard]] Eigen::Vector3d search_window(const Eigen::Matrix3d& covariance);
 
 // Partners of b among the earlier retained sub-maps: not its neighbour, no key-frame in common, within 3 sigma an
 // overlap that could be verified, and a relative pose that is not known well already. Best first; ties by index.
-// `min_gap`: least difference of the indices. REQUIRES: b is retained.
+// `min_gap`: least difference of the indices. `skip` says by index and predicted pose (a_from_b) which partners need
+// not be looked at. REQUIRES: b is retained.
 [[nodiscard]] std::vector<LoopCandidate> rank_candidates(const GraphModel& model, const PairTools& tools,
                                                          const RelativeUncertainty& uncertainty, std::uint32_t b,
-                                                         std::uint32_t min_gap);
+                                                         std::uint32_t min_gap,
+                                                         const std::function<bool(std::uint32_t, const Pose2&)>& skip);
 
 }  // namespace submapd::graph

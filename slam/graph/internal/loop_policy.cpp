@@ -171,7 +171,8 @@ double loop_weight(const GraphModel& model, const LoopRecord& record) {
 int demote_loops(GraphModel& model) {
   int demoted = 0;
   for (LoopRecord& record : model.loops) {
-    if (record.loop.state != LoopState::kConfirmed || loop_weight(model, record) >= kMinWeight) continue;
+    if (record.loop.state != LoopState::kConfirmed || record.loop.manual) continue;
+    if (loop_weight(model, record) >= kMinWeight) continue;
     record.loop.state = LoopState::kPending;
     ++record.demotions;
     ++demoted;

@@ -40,6 +40,7 @@ LoopSearch::LoopSearch(const LoopSearch& other, const PairTools& tools, SubmapSo
     : tools_(tools),
       source_(source),
       tried_(other.tried_),
+      barred_(other.barred_),
       runs_(other.runs_),
       refused_(other.refused_),
       refused_for_memory_(other.refused_for_memory_),
@@ -47,17 +48,17 @@ LoopSearch::LoopSearch(const LoopSearch& other, const PairTools& tools, SubmapSo
 
 std::vector<LoopCandidate> LoopSearch::untried(const GraphModel& model, const RelativeUncertainty& uncertainty,
                                                std::uint32_t b, std::uint32_t min_gap) const {
-  std::vector<LoopCandidate> candidates = rank_candidates(model, tools_, uncertainty, b, min_gap);
-  std::erase_if(candidates, [&](const LoopCandidate& candidate) {
-    for (const LoopRecord& record : model.loops) {
-      if (record.loop.match.a == candidate.a && record.loop.match.b == candidate.b) return true;
-    }
-    const auto before = tried_.find({candidate.a, candidate.b});
+  std::vector<bool> looped(b, false);
+  for (const LoopRecord& record : model.loops) {
+    if (record.loop.match.b == b) looped[record.loop.match.a] = true;
+  }
+  return rank_candidates(model, tools_, uncertainty, b, min_gap, [&](std::uint32_t a, const Pose2& a_from_b) {
+    if (looped[a] || is_barred(a, b)) return true;
+    const auto before = tried_.find({a, b});
     if (before == tried_.end()) return false;
-    const Pose2 moved = between(before->second, candidate.prior.a_from_b);
+    const Pose2 moved = between(before->second, a_from_b);
     return moved.translation().norm() < kRetryM && std::abs(moved.yaw) < kRetryRad;
   });
-  return candidates;
 }
 
 std::vector<LoopCandidate> LoopSearch::spread_out(const GraphModel& model, const std::vector<LoopCandidate>& ranked,

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <set>
 #include <utility>
 #include <vector>
 
@@ -40,6 +41,9 @@ class LoopSearch {
 
   // The sub-map is never searched again.
   void forget(std::uint32_t submap);
+  // The pair is never searched at all.
+  void bar(std::uint32_t a, std::uint32_t b) { barred_.insert({a, b}); }
+  [[nodiscard]] bool is_barred(std::uint32_t a, std::uint32_t b) const { return barred_.contains({a, b}); }
 
   [[nodiscard]] std::uint64_t runs() const { return runs_; }
   [[nodiscard]] std::uint64_t refused() const { return refused_; }
@@ -53,6 +57,7 @@ class LoopSearch {
   const PairTools& tools_;
   SubmapSource& source_;
   std::map<std::pair<std::uint32_t, std::uint32_t>, Pose2> tried_;  // where the prior was
+  std::set<std::pair<std::uint32_t, std::uint32_t>> barred_;
   std::uint64_t runs_ = 0;
   std::uint64_t refused_ = 0;
   std::uint64_t refused_for_memory_ = 0;

@@ -86,12 +86,21 @@ MatchGrid::Level MatchGrid::coarser(const Level& fine, int level) {
   coarse.width = coarse.bias + ((fine_end_x + halving) >> halving);
   coarse.height = coarse.bias + ((fine_end_y + halving) >> halving);
 
+  // A row with room for every column that a coarse one asks for: without bounds to check the loop vectorises.
+  const int before = (coarse.bias << halving) - fine.bias;
+  const int last = ((coarse.width - 1) << halving) + steps[2];
+  std::vector<std::uint8_t> padded(static_cast<std::size_t>(std::max(last + 1, before + fine.width)), 0);
   std::vector<std::uint8_t> rows(static_cast<std::size_t>(coarse.width) * static_cast<std::size_t>(fine.height));
   for (int y = 0; y < fine.height; ++y) {
-    for (int k = 0; k < coarse.width; ++k) {
-      const int start = ((k - coarse.bias) << halving) + fine.bias;
-      rows[static_cast<std::size_t>(y * coarse.width + k)] =
-          std::max({fine.at(start, y), fine.at(start + steps[1], y), fine.at(start + steps[2], y)});
+    std::copy_n(&fine.values[static_cast<std::size_t>(y * fine.width)], fine.width, padded.data() + before);
+    const std::uint8_t* in = padded.data();
+    std::uint8_t* out = &rows[static_cast<std::size_t>(y * coarse.width)];
+    if (halving == 0) {
+      for (int k = 0; k < coarse.width; ++k) out[k] = std::max(std::max(in[k], in[k + steps[1]]), in[k + steps[2]]);
+    } else {
+      for (int k = 0; k < coarse.width; ++k) {
+        out[k] = std::max(std::max(in[2 * k], in[2 * k + steps[1]]), in[2 * k + steps[2]]);
+      }
     }
   }
   coarse.values.assign(static_cast<std::size_t>(coarse.width) * static_cast<std::size_t>(coarse.height), 0);

@@ -5,9 +5,9 @@
 #include <cmath>
 #include <cstdint>
 #include <numbers>
-#include <set>
-#include <utility>
+#include <unordered_set>
 
+#include "slam/base/floor_to_int.hpp"
 #include "slam/loop/internal/match_grid.hpp"
 #include "slam/loop/internal/placement_search.hpp"
 #include "slam/loop/submap_outline.hpp"
@@ -57,11 +57,13 @@ Histogram correlation(const Histogram& a, const Histogram& b) {
 std::vector<Eigen::Vector2d> thinned_points(const SurfaceIndex& surface) {
   std::vector<Eigen::Vector2d> points;
   for (double side_m = kThinning_m;; side_m *= kCoarserThinning) {
-    std::set<std::pair<std::int64_t, std::int64_t>> taken;
+    std::unordered_set<std::uint64_t> taken;
     points.clear();
     for (const SurfaceElement& element : surface.elements()) {
-      const std::pair cell{static_cast<std::int64_t>(std::floor(element.mean.x() / side_m)),
-                           static_cast<std::int64_t>(std::floor(element.mean.y() / side_m))};
+      const int x = floor_to_int(element.mean.x() / side_m);
+      const int y = floor_to_int(element.mean.y() / side_m);
+      const auto cell =
+          static_cast<std::uint64_t>(static_cast<std::uint32_t>(x)) << 32U | static_cast<std::uint32_t>(y);
       if (taken.insert(cell).second) {
         points.push_back(element.mean);
       }

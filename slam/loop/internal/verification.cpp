@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <cstring>
+#include <span>
 
 namespace submapd::internal {
 namespace {
@@ -68,16 +70,19 @@ double contradicted(const CellPlane& points, const CellPlane& target, const Pose
   Share share;
   const Eigen::Matrix2d turn = rotation(target_from_points.yaw);
   for (int y = 0; y < points.height(); ++y) {
-    for (int x = 0; x < points.width(); ++x) {
-      if (points.kind(x, y) != CellKind::kOccupied) {
-        continue;
+    const std::span<const CellKind> row = points.row(y);
+    const auto next_occupied = [&](std::size_t from) -> const void* {
+      return std::memchr(row.data() + from, static_cast<int>(CellKind::kOccupied), row.size() - from);
+    };
+    for (const void* found = next_occupied(0); found != nullptr;) {
+      const auto x = static_cast<std::size_t>(static_cast<const CellKind*>(found) - row.data());
+      const Eigen::Vector2d place = points.centre_of(static_cast<int>(x), y);
+      const Eigen::Vector2i cell = target.cell_at(turn * place + target_from_points.translation());
+      if (target.kind(cell.x(), cell.y()) != CellKind::kUnknown) {
+        ++share.whole;
+        share.part += all_free_around(target, cell) ? 1 : 0;
       }
-      const Eigen::Vector2i cell = target.cell_at(turn * points.centre_of(x, y) + target_from_points.translation());
-      if (target.kind(cell.x(), cell.y()) == CellKind::kUnknown) {
-        continue;
-      }
-      ++share.whole;
-      share.part += all_free_around(target, cell) ? 1 : 0;
+      found = next_occupied(x + 1);
     }
   }
   return share.whole < kMinJudged ? 0.0 : static_cast<double>(share.part) / static_cast<double>(share.whole);
@@ -89,8 +94,9 @@ Overlap measure_overlap(const MapView& a, const MapView& b, const Pose2& a_from_
   const Eigen::Matrix2d turn = rotation(a_from_b.yaw);
   std::size_t common = 0;
   for (int y = 0; y < b.plane.height(); y += kOverlapStride) {
+    const std::span<const CellKind> row = b.plane.row(y);
     for (int x = 0; x < b.plane.width(); x += kOverlapStride) {
-      if (b.plane.kind(x, y) == CellKind::kUnknown) {
+      if (row[static_cast<std::size_t>(x)] == CellKind::kUnknown) {
         continue;
       }
       const Eigen::Vector2i cell = a.plane.cell_at(turn * b.plane.centre_of(x, y) + a_from_b.translation());

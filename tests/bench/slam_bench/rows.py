@@ -141,6 +141,23 @@ def thread_runs(log, *options):
     return {f"threads{n}": Run(log, ("--threads", str(n), *options), (), 20.0, "none") for n in (1, 2, 4)}
 
 
+def worker_runs(log):
+    """An ordinary replay, and the log in chunks. Score and figures are read off the runs of one number."""
+    return {"run": Run(log, (), (), 25.0), **{f"workers{n}": Run(log, ("--workers", f"{n}"), (), 30.0) for n in (1, 2, 4)}}
+
+
+def worker_figures():
+    def alike(outcomes):
+        return digests_differ({name: o for name, o in outcomes.items() if name != "run"})
+
+    def share_of_live(outcomes):
+        return outcomes["workers1"].score["rmse_m"] / outcomes["run"].score["rmse_m"]
+    return (Figure("results that differ from one worker's", alike, 0, digits=0),
+            Figure("RMSE over that without workers", share_of_live, 1.2),
+            *(Figure(f"{name}: RSS MB", measured("peak_rss_mb", run=name), digits=0)
+              for name in ("run", "workers1", "workers2", "workers4")))
+
+
 def digests_differ(outcomes):
     return len({tuple(sorted(o.digests.items())) for o in outcomes.values()}) - 1
 
@@ -249,7 +266,8 @@ ROWS = (
         lambda seed: thread_runs(office(seed, 1.0), "--filter", "rbpf", "--particles", "8"), SAME_BITS),
     Row("threads-csail", "mit-csail, adaptive: 1, 2, 4 threads", lambda seed: thread_runs(CSAIL), SAME_BITS,
         simulated=False),
-    not_built("workers", "1, 2, 4 workers", "replay has no --workers"),
+    Row("workers", "office 6 min in chunks: 1, 2, 4 workers", lambda seed: worker_runs(office(seed)), worker_figures(),
+        seeds=2),
     ablation_row("ablation-office", busy_office, ("rmse_m", "truth"), 40.0, 100.0, "RMSE cm"),
     ablation_row("ablation-mall", lambda seed: Simulated("mall", seed, ("--speed", "3")), ("rmse_m", "truth"), 100.0,
                  100.0, "RMSE cm"),

@@ -53,6 +53,8 @@ TEST(MapperBacklog, IsNotMappedWhereTheCartStood) {
 
   driver::ScanRing ring(8);
   driver::Doorbell bell = make_doorbell();
+  driver::Doorbell input_bell = make_doorbell();
+  RoomBell room(input_bell);
   const PauseWindow pause;
   ReportRing to_publisher(8);
   ReportRing to_recorder(64);
@@ -66,7 +68,7 @@ TEST(MapperBacklog, IsNotMappedWhereTheCartStood) {
     return next == end ? std::nullopt : std::optional(*next++);
   };
   options.after_us = scans.back().stamp_us;
-  MapperThread mapper(options, Uuid::from_seed(1, 1), Uuid::from_seed(1, 2), RunClock(0), ring, bell, pause,
+  MapperThread mapper(options, Uuid::from_seed(1, 1), Uuid::from_seed(1, 2), RunClock(0), ring, bell, room, pause,
                       to_publisher, to_recorder);
   ScanReport before;
   for (std::size_t i = 0; i < scans.size(); ++i) {
@@ -76,6 +78,7 @@ TEST(MapperBacklog, IsNotMappedWhereTheCartStood) {
     }
     const ScanReport report = to_recorder.front()->report;
     to_recorder.pop();
+    mapper.reports_taken();
     EXPECT_EQ(report.stamp_us, scans[i].stamp_us) << "each scan has a pose";
     EXPECT_EQ(report.scan_index, scans[i].index);
     if (stood.contains(report.stamp_us)) {

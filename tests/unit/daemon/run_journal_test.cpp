@@ -20,18 +20,25 @@ std::vector<JournalRecord> one_of_each() {
   Sha256 hash{};
   hash[0] = 1;
   hash[31] = 255;
-  return {{1, RunStarted{-5, "0.1.0"}},  {2, SubmapSaved{7, hash}}, {3, MarkSet{-9, "door"}}, {4, MapSaved{"hall.1"}},
-          {5, ScansShed{1, 1ULL << 63}}, {6, RunEnded{}},           {7, RunPaused{}},         {8, RunResumed{}},
-          {9, RunContinued{7, "0.2.0"}}, {10, ClockStepped{-36}},   {11, InputIs{"usb"}}};
+  return {{1, RunStarted{-5, "0.1.0"}},
+          {2, SubmapSaved{7, hash}},
+          {3, MarkSet{-9, "door"}},
+          {4, MapSaved{"hall.1"}},
+          {5, ScansShed{1, 1ULL << 63}},
+          {6, RunEnded{}},
+          {7, RunPaused{}},
+          {8, RunResumed{}},
+          {9, RunContinued{7, "0.2.0"}},
+          {10, ClockStepped{-36}},
+          {11, InputIs{"usb"}},
+          {12, LandmarksAdded{{1, 7, 0.02, {{{1.5, -2.0}, {0.25, 3.0}}, {{4.0, 5.0}, {6.0, -7.0}}}}}},
+          {13, PairRemoved{2, 9}},
+          {14, PairForbidden{3, 8}},
+          {15, EditUndone{}}};
 }
 
 std::vector<std::byte> encode(const std::vector<JournalRecord>& records) {
-  std::vector<std::byte> bytes = encode_journal_header(kCart, kRun);
-  for (const JournalRecord& record : records) {
-    const std::vector<std::byte> more = encode_journal_record(record);
-    bytes.insert(bytes.end(), more.begin(), more.end());
-  }
-  return bytes;
+  return encode_journal(kCart, kRun, records);
 }
 
 TEST(RunJournalTest, EveryRecordComesBack) {
@@ -121,9 +128,20 @@ TEST(RunJournalTest, TheFirstVersionIsRead) {
   ASSERT_TRUE(contents.has_value());
   EXPECT_EQ(contents->version, 1U);
   EXPECT_EQ(contents->records.size(), 1U) << "it had no such type: as if damaged";
-  bytes = encode_journal_header(kCart, kRun, 3);
+  bytes = encode_journal_header(kCart, kRun, kJournalVersion + 1);
   EXPECT_EQ(bytes.size(), header);
   EXPECT_EQ(decode_journal(bytes).error().code(), StatusCode::kCorrupt);
+}
+
+TEST(RunJournalTest, TheSecondVersionIsReadAndHasNoEdits) {
+  std::vector<std::byte> bytes = encode_journal_header(kCart, kRun, 2);
+  for (const JournalRecord& record : {JournalRecord{1, InputIs{"usb"}}, JournalRecord{2, EditUndone{}}}) {
+    const std::vector<std::byte> more = encode_journal_record(record);
+    bytes.insert(bytes.end(), more.begin(), more.end());
+  }
+  const Expected<JournalContents> contents = decode_journal(bytes);
+  ASSERT_TRUE(contents.has_value());
+  EXPECT_EQ(contents->records, (std::vector<JournalRecord>{{1, InputIs{"usb"}}}));
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <initializer_list>
 #include <numbers>
 
 namespace submapd {
@@ -131,6 +132,37 @@ TEST(DegeneracyMonitorTest, TheAxisFollowsTheCorridorAndTheFrame) {
   EXPECT_NEAR(std::abs(monitor.axis().y()), std::sin(0.3), 1e-6);
   monitor.change_frame(-0.3);
   EXPECT_NEAR(std::abs(monitor.axis().x()), 1.0, 1e-6);
+}
+
+// Walls about `centre`, seen from the origin in directions from `from_rad` to `to_rad` off it.
+Eigen::Matrix3d round_walls(const Eigen::Vector2d& centre, std::initializer_list<double> radii_m, double from_rad,
+                            double to_rad) {
+  Eigen::Matrix3d H = Eigen::Matrix3d::Zero();
+  for (const double radius_m : radii_m) {
+    for (double angle = from_rad; angle < to_rad; angle += 0.01) {
+      const Eigen::Vector2d n(std::cos(angle), std::sin(angle));
+      const Eigen::Vector2d p = centre + radius_m * n;
+      const Eigen::Vector3d row(n.x(), n.y(), p.x() * n.y() - p.y() * n.x());
+      H += 1e4 * row * row.transpose();
+    }
+  }
+  return H;
+}
+
+TEST(DegeneracyMonitorTest, InARoundCorridorItIsTheWayRoundThatIsWeak) {
+  DegeneracyMonitor monitor{DegeneracyOptions{}};
+  const double half = std::numbers::pi / 2.0;
+  monitor.update(round_walls({0.0, 14.0}, {12.7, 15.3}, -half - 0.6, -half + 0.6), 500, kStep_s);
+  ASSERT_TRUE(monitor.weak());
+  EXPECT_NEAR(std::abs(monitor.axis().x()), 1.0, 1e-3);
+  EXPECT_NEAR(monitor.turn_rad_m() * monitor.axis().x(), 1.0 / 14.0, 1e-3);
+}
+
+TEST(DegeneracyMonitorTest, ARoundRoomHoldsItsMiddle) {
+  DegeneracyMonitor monitor{DegeneracyOptions{}};
+  Eigen::Matrix3d H = round_walls({0.0, 0.0}, {5.0}, 0.0, 2.0 * std::numbers::pi);
+  monitor.update(H, 500, kStep_s);
+  EXPECT_FALSE(monitor.weak()) << "only its heading is free";
 }
 
 }  // namespace

@@ -86,8 +86,7 @@ TEST(MapperScenarioTest, StandstillNeitherCreepsNorGrows) {
                              std::make_shared<const tools::Motion>(std::move(*motion)), {});
   std::vector<Scan> scans;
   while (scans.size() < 2400) scans.push_back(simulator.next().value());
-  EXPECT_EQ(simulator.truth(scans.back()), simulator.truth(scans.front()))
-      << "the cart stands for 60 s";
+  EXPECT_EQ(simulator.truth(scans.back()), simulator.truth(scans.front())) << "the cart stands for 60 s";
 
   SerialPool pool;
   Mapper mapper(MapperOptions{}, Uuid::from_seed(1, 1), Uuid::from_seed(1, 2), pool);
@@ -141,7 +140,9 @@ TEST(MapperFaultTest, ABlindSensorAddsNothingToTheMap) {
                                            drive.truth.end());
   EXPECT_LT(error_of(after, after_truth).rms_m, 0.05) << "a second later it maps as ever";
   if (tied) {
-    EXPECT_LT(error_of(run.reports, drive.truth).rms_m, 0.5) << "it says that it found its place again";
+    const Pose2 off = between(between(run.reports[from - 1].odom_from_base, after[0].odom_from_base),
+                              between(drive.truth[from - 1], after_truth[0]));
+    EXPECT_LT(off.translation().norm(), 0.05) << "it says that it found its place again";
   }
   EXPECT_LE(run.counters.breaks, 2U);
 }
@@ -157,7 +158,7 @@ TEST(MapperFaultTest, FewBeamsAndChangingGeometryAndStampsDoNotHarm) {
     if (i % 10 == 4) s.geometry.angle_step_rad *= 2.0;
     if (i % 10 == 5) s.geometry.base_from_sensor = {0.3, -0.1, 1.0};
     if (i % 20 == 6) s.stamp_us = scans[i - 1].stamp_us;
-    if (i % 20 == 16) s.stamp_us = scans[i - 1].stamp_us - 3'000'000;
+    if (i == 56) s.stamp_us = scans[i - 1].stamp_us - 3'000'000;
   }
   const MapperRun run = run_mapper(scans);
   expect_finite(run.reports);

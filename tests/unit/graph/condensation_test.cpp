@@ -31,7 +31,7 @@ struct Outcome {
 
 Outcome drive(SimulatedRun& run, std::size_t graph_bytes) {
   Outcome outcome;
-  Optimizer optimizer({true, graph_bytes}, run, run.tools());
+  Optimizer optimizer({.graph_bytes_limit = graph_bytes}, run, run.tools());
   for (const auto& submap : run.submaps()) {
     auto state = optimizer.add_submap(submap);
     EXPECT_TRUE(state) << state.error().message();
@@ -167,7 +167,7 @@ TEST(Condensation, SameSubmapsSameBits) {
 // Saving a map works on a copy: what is condensed stays so, and the open sub-map is the newest.
 TEST(Condensation, MapsAreSavedMeanwhile) {
   SimulatedRun run(ring_path(80.0, 4.0), {});
-  Optimizer optimizer({true, kSmall}, run, run.tools());
+  Optimizer optimizer({.graph_bytes_limit = kSmall}, run, run.tools());
   for (const auto& submap : run.submaps()) {
     if (submap->id.index % 8 == 7) {
       const auto saved = optimizer.finish_with(submap);

@@ -7,6 +7,7 @@
 
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "slam/base/random.hpp"
@@ -53,6 +54,21 @@ struct LandmarkOracle {
     return true;
   }
   Eigen::Vector2d z;
+  Eigen::Matrix2d white;
+};
+
+struct CommonPlaceOracle {
+  template <typename T>
+  bool operator()(const T* a, const T* b, T* residual) const {
+    using std::cos;
+    using std::sin;
+    const std::array<T, 2> place{b[0] + cos(b[2]) * in_b.x() - sin(b[2]) * in_b.y(),
+                                 b[1] + sin(b[2]) * in_b.x() + cos(b[2]) * in_b.y()};
+    Eigen::Map<Eigen::Matrix<T, 2, 1>>{residual} = white.cast<T>() * (seen_from(a, place.data()) - in_a.cast<T>());
+    return true;
+  }
+  Eigen::Vector2d in_a;
+  Eigen::Vector2d in_b;
   Eigen::Matrix2d white;
 };
 
@@ -114,6 +130,51 @@ TEST(CostFunctions, LandmarkAgreesWithAutomaticDerivatives) {
     ASSERT_LT((a.residual - b.residual).norm(), 1e-9 * (1.0 + b.residual.norm()));
     ASSERT_LT((a.J_first - b.J_first).norm(), 1e-9 * (1.0 + b.J_first.norm()));
     ASSERT_LT((a.J_second - b.J_second).norm(), 1e-9 * (1.0 + b.J_second.norm()));
+  }
+}
+
+TEST(CostFunctions, CommonPlaceAgreesWithAutomaticDerivatives) {
+  CounterRandom random(7, 4, 0);
+  for (int trial = 0; trial < 1000; ++trial) {
+    const Eigen::Vector2d in_a(random.uniform(-20.0, 20.0), random.uniform(-20.0, 20.0));
+    const Eigen::Vector2d in_b(random.uniform(-20.0, 20.0), random.uniform(-20.0, 20.0));
+    const Eigen::Matrix2d white = random_whitening<2>(random);
+    const Eigen::Vector3d i = random_pose(random);
+    const Eigen::Vector3d j = random_pose(random);
+    const CommonPlaceCost ours(in_a, in_b, white);
+    const ceres::AutoDiffCostFunction<CommonPlaceOracle, 2, 3, 3> oracle(new CommonPlaceOracle{in_a, in_b, white});
+    const Evaluated<2, 3> a(ours, i.data(), j.data());
+    const Evaluated<2, 3> b(oracle, i.data(), j.data());
+    ASSERT_LT((a.residual - b.residual).norm(), 1e-9 * (1.0 + b.residual.norm()));
+    ASSERT_LT((a.J_first - b.J_first).norm(), 1e-9 * (1.0 + b.J_first.norm()));
+    ASSERT_LT((a.J_second - b.J_second).norm(), 1e-9 * (1.0 + b.J_second.norm()));
+  }
+}
+
+// Two sides of equal covariance share an error: its squares, each whitened by its own side, are (1 + t)^2 s / 2 and
+// (1 - t)^2 s / 2. The loss is the least over t.
+TEST(SharedCauchyLoss, IsTheLeastThatTwoLossesComeTo) {
+  constexpr double kScale = 1.7;
+  const SharedCauchyLoss shared(kScale);
+  const ceres::CauchyLoss cauchy(kScale);
+  const auto both = [&](double s, double t) {
+    std::array<double, 3> one{};
+    std::array<double, 3> other{};
+    cauchy.Evaluate(0.5 * s * (1.0 + t) * (1.0 + t), one.data());
+    cauchy.Evaluate(0.5 * s * (1.0 - t) * (1.0 - t), other.data());
+    return one[0] + other[0];
+  };
+  for (double s = 1e-3; s < 1e4; s *= 1.13) {
+    double least = std::numeric_limits<double>::infinity();
+    for (double t = 0.0; t <= 1.0; t += 1e-3) least = std::min(least, both(s, t));
+    std::array<double, 3> ours{};
+    shared.Evaluate(s, ours.data());
+    ASSERT_NEAR(ours[0], least, 1e-4 * least) << s;
+    ASSERT_NEAR(ours[0], both(s, shared.lean(s)), 1e-9 * least) << s;
+    std::array<double, 3> near{};
+    shared.Evaluate(s * (1.0 + 1e-6), near.data());
+    ASSERT_NEAR((near[0] - ours[0]) / (1e-6 * s), ours[1], 1e-4 * ours[1]) << s;
+    ASSERT_NEAR((near[1] - ours[1]) / (1e-6 * s), ours[2], 1e-4 * std::abs(ours[2]) + 1e-9) << s;
   }
 }
 

@@ -168,7 +168,8 @@ TEST(CorridorTest, OnlyWhatFacesAWeakAxisSpeaksAlongIt) {
   const Pose2 truth{0.0, 0.05, 0.01};
   const Eigen::Vector2d along = Eigen::Vector2d::UnitX();
   const Corridor blank;
-  const LineSystem nothing = line_system(blank.scan(truth), blank.map.map.surface(), kExactStep_rad, truth, along, {});
+  const LineSystem nothing =
+      line_system(blank.scan(truth), blank.map.map.surface(), kExactStep_rad, truth, {along}, {});
   EXPECT_EQ(nothing.axial_information, 0.0);
   EXPECT_EQ(nothing.equations.H(0, 0), 0.0) << "normals that are a little off count nothing along the axis";
   EXPECT_GT(nothing.equations.H(1, 1), 1e5);
@@ -182,8 +183,8 @@ TEST(CorridorTest, OnlyWhatFacesAWeakAxisSpeaksAlongIt) {
   MotionPrior prior;
   prior.pose = {0.03, 0.05, 0.01};
   prior.information = Eigen::Vector3d(100.0, 100.0, 100.0).asDiagonal();
-  prior.weak_axis = along;
-  const LineSystem end = line_system(points, map.map.surface(), kExactStep_rad, prior.pose, along, {});
+  prior.weak = {along};
+  const LineSystem end = line_system(points, map.map.surface(), kExactStep_rad, prior.pose, {along}, {});
   EXPECT_GT(end.axial_information, 1e5);
   const LineMatchResult found = match_lines(points, map.map.surface(), kExactStep_rad, prior.pose, prior, {});
   EXPECT_NEAR(found.match.pose.x, truth.x, 0.002);
@@ -191,7 +192,8 @@ TEST(CorridorTest, OnlyWhatFacesAWeakAxisSpeaksAlongIt) {
 
   LineMatcherOptions careful;
   careful.standing_scans = 1000;  // more scans than there were: as many as there were must do
-  EXPECT_GT(line_system(points, map.map.surface(), kExactStep_rad, prior.pose, along, careful).axial_information, 0.0);
+  EXPECT_GT(line_system(points, map.map.surface(), kExactStep_rad, prior.pose, {along}, careful).axial_information,
+            0.0);
 }
 
 TEST(FieldMatcherTest, SaturatedPointsDoNotPull) {

@@ -59,27 +59,28 @@ std::vector<SpooledPose> poses_in(const PoseSpool& spool) {
 }
 
 TEST(PoseSpoolTest, OpenedAgainItGoesOnBehindTheLastWholeRecord) {
-  constexpr std::int64_t kAll = std::numeric_limits<std::int64_t>::max();
   const ScratchFolder folder;
   const std::filesystem::path path = folder.path() / "poses";
   {
-    Expected<std::unique_ptr<PoseSpool>> spool = PoseSpool::open(path, kAll);
+    Expected<std::unique_ptr<PoseSpool>> spool = PoseSpool::open(path);
     ASSERT_TRUE(spool.has_value()) << spool.error().message();
     for (std::uint64_t i = 0; i < 600; ++i) ASSERT_TRUE((*spool)->add(pose_number(i)).ok());
     ASSERT_TRUE((*spool)->sync().ok());
   }
   std::filesystem::resize_file(path, std::filesystem::file_size(path) - 1);  // as a power cut leaves it
   {
-    Expected<std::unique_ptr<PoseSpool>> spool = PoseSpool::open(path, kAll);
+    Expected<std::unique_ptr<PoseSpool>> spool = PoseSpool::open(path);
     ASSERT_TRUE(spool.has_value());
     EXPECT_EQ((*spool)->size(), 599U);
     EXPECT_EQ((*spool)->last_stamp_us(), 598);
   }
   std::filesystem::resize_file(path, std::filesystem::file_size(path) + 500);  // or zeros
   {
-    Expected<std::unique_ptr<PoseSpool>> spool = PoseSpool::open(path, 299);
+    Expected<std::unique_ptr<PoseSpool>> spool = PoseSpool::open(path);
     ASSERT_TRUE(spool.has_value());
+    ASSERT_TRUE((*spool)->keep_until(299).ok());
     EXPECT_EQ((*spool)->size(), 300U) << "what is later is mapped again";
+    EXPECT_EQ((*spool)->last_stamp_us(), 299);
     ASSERT_TRUE((*spool)->add({300, 7, {1.0, 2.0, 3.0}, {4.0, 5.0, 6.0}, true, true}).ok());
     const std::vector<SpooledPose> poses = poses_in(**spool);
     ASSERT_EQ(poses.size(), 301U);
@@ -89,10 +90,17 @@ TEST(PoseSpoolTest, OpenedAgainItGoesOnBehindTheLastWholeRecord) {
     EXPECT_TRUE(poses[300].keyframe && poses[300].linked);
   }
   EXPECT_EQ(std::filesystem::file_size(path), 16U + 301U * 72U);
+  {
+    Expected<std::unique_ptr<PoseSpool>> spool = PoseSpool::open(path);
+    ASSERT_TRUE(spool.has_value());
+    ASSERT_TRUE((*spool)->keep_until(-1).ok());
+    EXPECT_EQ((*spool)->size(), 0U);
+    EXPECT_EQ((*spool)->last_stamp_us(), std::numeric_limits<std::int64_t>::min()) << "there is none";
+  }
   std::filesystem::resize_file(path, 3);
-  EXPECT_EQ((*PoseSpool::open(path, kAll))->size(), 0U) << "begun, and no more";
+  EXPECT_EQ((*PoseSpool::open(path))->size(), 0U) << "begun, and no more";
   std::ofstream(path) << std::string(100, 'x');
-  const Expected<std::unique_ptr<PoseSpool>> other = PoseSpool::open(path, kAll);
+  const Expected<std::unique_ptr<PoseSpool>> other = PoseSpool::open(path);
   ASSERT_FALSE(other.has_value());
   EXPECT_EQ(other.error().code(), StatusCode::kCorrupt) << "not ours";
 }
