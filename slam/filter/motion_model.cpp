@@ -2,23 +2,33 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "slam/base/small_matrix.hpp"
 
 namespace submapd {
+namespace {
+
+constexpr std::size_t kPauses = 20;  // one of so many periods may be a gap, which says nothing of the others
+constexpr double kBurst = 0.25;      // of the mean: faster than a scanner turns
+constexpr double kBursts = 0.1;      // share of such periods
+
+}  // namespace
 
 void PeriodEstimator::add(double period_s) {
   if (!(period_s > 0.0)) return;
   periods_[count_ % kWindow] = period_s;
   ++count_;
-  // Bursts make single periods worthless; refresh the median often at first, then seldom.
+  // Look often at first, then seldom.
   if (count_ > 20 && count_ % 16 != 0) return;
   std::array<double, kWindow> sorted{};
   const std::size_t n = std::min(count_, kWindow);
-  std::copy_n(periods_.begin(), n, sorted.begin());
-  const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(n / 2);
-  std::nth_element(sorted.begin(), middle, sorted.begin() + static_cast<std::ptrdiff_t>(n));
-  median_s_ = *middle;
+  const auto end = std::copy_n(periods_.begin(), n, sorted.begin());
+  std::sort(sorted.begin(), end);
+  const double mean_s = std::accumulate(sorted.begin(), end - static_cast<std::ptrdiff_t>(n / kPauses), 0.0) /
+                        static_cast<double>(n - n / kPauses);
+  const auto bursting = std::lower_bound(sorted.begin(), end, kBurst * mean_s) - sorted.begin();
+  usual_s_ = static_cast<double>(bursting) > kBursts * static_cast<double>(n) ? mean_s : sorted[n / 2];
 }
 
 PredictedMotion predict_by_twist(const Twist2& twist, double step_s, const MotionModelOptions& options) {

@@ -1,7 +1,7 @@
 // Where the next scan is expected: constant body twist, or the motion u_t that odometry reports.
 //
 // Design notes, section 3 (twist and its Q) and 6.1. Stamps of recorded logs come in bursts and gaps, so the time step
-// that counts is never shorter than the log's median period and never longer than max_extrapolation_s.
+// that counts is never shorter than the log's usual period and never longer than max_extrapolation_s.
 #pragma once
 
 #include <Eigen/Core>
@@ -31,17 +31,18 @@ struct MotionModelOptions {
   double odom_rad_per_m = 0.03;
 };
 
-// Median of the last periods between scans; deterministic and bounded.
+// The usual period between scans, from the last of them: the median, or where many scans follow each other faster than a
+// scanner turns, as those do that are stamped in bursts on arrival, the mean. Deterministic and bounded.
 class PeriodEstimator {
  public:
   void add(double period_s);
-  [[nodiscard]] double median_s() const { return median_s_; }
+  [[nodiscard]] double usual_s() const { return usual_s_; }
 
  private:
   static constexpr std::size_t kWindow = 101;
   std::array<double, kWindow> periods_{};
   std::size_t count_ = 0;
-  double median_s_ = 0.025;
+  double usual_s_ = 0.025;
 };
 
 // A motion in the body frame and the sigmas of its (x, y, yaw).

@@ -93,7 +93,7 @@ void Mapper::Impl::apply_match(Particle& p, double step_s, std::uint64_t scan_in
 }
 
 KnownFit Mapper::Impl::filter_by_matching(const Scan& scan, double step_s, std::optional<CorrelativeResult>& found) {
-  const bool low_rate = period.median_s() > options.low_rate_s;
+  const bool low_rate = period.usual_s() > options.low_rate_s;
   watch_degeneracy(step_s, low_rate);
   for_each_particle([&](Particle& p, std::uint64_t) {
     set_prior(p, step_s);

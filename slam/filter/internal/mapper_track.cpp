@@ -100,7 +100,7 @@ bool Mapper::Impl::doubtful(const KnownFit& fit) {
   if (usual_fit == 0.0) usual_fit = fit.matched_ratio;
   const bool worse = fit.matched_ratio < usual_fit - kMuchWorse;
   usual_fit += kUsualShare * (fit.matched_ratio - usual_fit);
-  return worse && period.median_s() > options.low_rate_s;
+  return worse && period.usual_s() > options.low_rate_s;
 }
 
 void Mapper::Impl::insert_again(const FinishedSubmap& submap) {
@@ -148,7 +148,7 @@ std::optional<double> Mapper::Impl::gap_before(const Scan& scan) const {
     const double gap_s = since(tracked_us);
     return gap_s > options.motion.max_extrapolation_s ? std::optional(gap_s) : std::nullopt;
   }
-  const bool followed_otherwise = textbook() || odometry_delta || period.median_s() > options.low_rate_s;
+  const bool followed_otherwise = textbook() || odometry_delta || period.usual_s() > options.low_rate_s;
   const double gap_s = since(seen_us);
   return !followed_otherwise && gap_s > kUnseen_s ? std::optional(gap_s) : std::nullopt;
 }
@@ -203,7 +203,7 @@ void Mapper::Impl::pick_up(const Scan& scan, double gap_s, ScanReport& report, K
 
 void Mapper::Impl::track(const Scan& scan, double elapsed_s, ScanReport& report, KnownFit& fit) {
   period.add(elapsed_s);
-  const double step_s = std::max(elapsed_s, period.median_s());
+  const double step_s = std::max(elapsed_s, period.usual_s());
   registration.assign(scan, unwarp_twist());
   const Pose2 before = set.best().pose;
   const bool elsewhere = shows_another_place(step_s);
