@@ -9,9 +9,12 @@
 namespace submapd {
 namespace {
 
-constexpr std::size_t kPauses = 20;  // one of so many periods may be a gap, which says nothing of the others
-constexpr double kBurst = 0.25;      // of the mean: faster than a scanner turns
-constexpr double kBursts = 0.1;      // share of such periods
+constexpr std::size_t kPauses = 5;  // so many of the window may be gaps, which say nothing of the others
+constexpr double kBurst = 0.25;     // of the mean: faster than a scanner turns
+constexpr double kBursts = 0.1;     // share of such periods
+
+constexpr double kNewest = 0.03;      // share of the newest scan's error in the mean square
+constexpr double kCautious = 2.0;     // a scan may be off by more than scans usually are
 
 }  // namespace
 
@@ -19,21 +22,36 @@ void PeriodEstimator::add(double period_s) {
   if (!(period_s > 0.0)) return;
   periods_[count_ % kWindow] = period_s;
   ++count_;
-  // Look often at first, then seldom.
-  if (count_ > 20 && count_ % 16 != 0) return;
   std::array<double, kWindow> sorted{};
   const std::size_t n = std::min(count_, kWindow);
   const auto end = std::copy_n(periods_.begin(), n, sorted.begin());
   std::sort(sorted.begin(), end);
-  const double mean_s = std::accumulate(sorted.begin(), end - static_cast<std::ptrdiff_t>(n / kPauses), 0.0) /
-                        static_cast<double>(n - n / kPauses);
+  const std::size_t counted = n - (n == kWindow ? kPauses : 0);
+  const double mean_s = std::accumulate(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(counted), 0.0) /
+                        static_cast<double>(counted);
   const auto bursting = std::lower_bound(sorted.begin(), end, kBurst * mean_s) - sorted.begin();
   usual_s_ = static_cast<double>(bursting) > kBursts * static_cast<double>(n) ? mean_s : sorted[n / 2];
 }
 
+void PredictionError::add(const Pose2& predicted_from_actual) {
+  const Pose2& d = predicted_from_actual;
+  ++count_;
+  const double share = std::max(kNewest, 1.0 / count_);
+  square_m2_ += share * (0.5 * (d.x * d.x + d.y * d.y) - square_m2_);
+  square_rad2_ += share * (d.yaw * d.yaw - square_rad2_);
+}
+
+Eigen::Vector3d PredictionError::sigma(const Eigen::Vector3d& of_motion, double steps) const {
+  if (count_ < kFewest) return of_motion;
+  const double m = kCautious * steps * std::sqrt(square_m2_);
+  return of_motion.cwiseMin(Eigen::Vector3d(m, m, kCautious * steps * std::sqrt(square_rad2_)));
+}
+
 PredictedMotion predict_by_twist(const Twist2& twist, double step_s, const MotionModelOptions& options) {
   PredictedMotion motion;
-  motion.delta = exp_twist(twist, std::min(step_s, options.max_extrapolation_s));
+  const double later_s = std::max(step_s - options.steady_s, 0.0);
+  const double going_s = std::min(step_s, options.steady_s) + options.push_s * -std::expm1(-later_s / options.push_s);
+  motion.delta = exp_twist(twist, going_s);
   const double half_square = 0.5 * step_s * step_s;
   const double sigma_m = std::min(options.accel_sigma * half_square, options.max_sigma_m);
   motion.sigma = {sigma_m, sigma_m, std::min(options.yaw_accel_sigma * half_square, options.max_sigma_rad)};

@@ -1,7 +1,7 @@
 // Where the next scan is expected: constant body twist, or the motion u_t that odometry reports.
 //
 // Design notes, section 3 (twist and its Q) and 6.1. Stamps of recorded logs come in bursts and gaps, so the time step
-// that counts is never shorter than the log's usual period and never longer than max_extrapolation_s.
+// that counts is never shorter than the log's usual period; of a longer one, a push is forgotten within push_s.
 #pragma once
 
 #include <Eigen/Core>
@@ -20,7 +20,8 @@ struct MotionModelOptions {
   double max_sigma_rad = 0.5;
   double max_speed_m_s = 4.5;  // a twist beyond the cart's limits is not learnt
   double max_yaw_rate_rad_s = 4.0;
-  double max_extrapolation_s = 1.0;  // beyond, the twist is worth nothing
+  double steady_s = 0.06;  // so long a cart goes on as it went ...
+  double push_s = 0.2;     // ... and then it forgets its speed with this time constant
   double smoothing = 0.7;            // share of the newest twist
   // Odometry: sigma = base + share of the motion.
   double odom_base_m = 0.01;
@@ -49,6 +50,21 @@ class PeriodEstimator {
 struct PredictedMotion {
   Pose2 delta;
   Eigen::Vector3d sigma = Eigen::Vector3d::Ones();
+};
+
+// What the cart's motion has lately been off from what was predicted: in slow logs, more than any model of pushes says.
+// By the scan, smoothed; before kFewest of them it says nothing.
+class PredictionError {
+ public:
+  void add(const Pose2& predicted_from_actual);
+  // Of (x, y, yaw), m and rad, for a step of so many usual ones; the motion's own sigma where that is smaller.
+  [[nodiscard]] Eigen::Vector3d sigma(const Eigen::Vector3d& of_motion, double steps) const;
+
+ private:
+  static constexpr int kFewest = 20;
+  int count_ = 0;
+  double square_m2_ = 0.0;
+  double square_rad2_ = 0.0;
 };
 
 // REQUIRES: step_s > 0.

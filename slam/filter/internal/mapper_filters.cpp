@@ -14,7 +14,8 @@ constexpr double kReunwarp_m_s = 0.05;
 constexpr double kReunwarp_rad_s = 0.0524;
 constexpr double kUnknownTurn_rad_s = 0.7;
 constexpr double kShortGap_s = 0.15;  // scans are missing: a descent from the prediction may end elsewhere
-constexpr int kSpread = 8;            // particles for two places
+constexpr double kTwistLasts_s = 1.0;
+constexpr int kPlaces = 2;
 constexpr double kMoved_m = 0.01;     // less is standing: weights of a standing cart count the same evidence again
 constexpr double kMoved_rad = 0.0087;
 
@@ -27,7 +28,8 @@ Eigen::Matrix3d covariance_of(const Eigen::Matrix3d& information, double kappa, 
 }
 
 void Mapper::Impl::set_prior(Particle& p, double step_s) const {
-  const PredictedMotion motion = predict(p, step_s);
+  PredictedMotion motion = predict(p, step_s);
+  if (slow() && !odometry_delta) motion.sigma = prediction_error.sigma(motion.sigma, step_s / period.usual_s());
   p.prior.pose = compose(p.pose, motion.delta);
   p.prior.information = motion_information(motion, p.prior.pose.yaw);
   p.prior.weak = {};
@@ -93,20 +95,20 @@ void Mapper::Impl::apply_match(Particle& p, double step_s, std::uint64_t scan_in
 }
 
 KnownFit Mapper::Impl::filter_by_matching(const Scan& scan, double step_s, std::optional<CorrelativeResult>& found) {
-  const bool low_rate = period.usual_s() > options.low_rate_s;
-  watch_degeneracy(step_s, low_rate);
+  watch_degeneracy(step_s, slow());
   for_each_particle([&](Particle& p, std::uint64_t) {
     set_prior(p, step_s);
     p.match = registration.match(view_of(p), p.prior.pose, p.prior);
   });
   // Serial: the search has one scratch store.
   KnownFit fit;
-  const bool search_anyway = (low_rate || step_s > kShortGap_s) && !odometry_delta && single();
+  const bool search_anyway = !odometry_delta && adaptive() && (slow() || (step_s > kShortGap_s && single()));
   for (Particle& p : set.particles()) {
     KnownFit own = registration.fit(view_of(p), p.match.pose);
     if (!registration.blind() && (!registration.acceptable(own) || search_anyway)) {
       const double widen = 1.0 + static_cast<double>(std::min(lost_scans, 6)) * 0.5;
-      found = registration.search_about(view_of(p), p, predict(p, step_s).sigma, widen);
+      found = registration.search_about(view_of(p), p, predict(p, step_s).sigma, widen,
+                                       slow() ? usual_fit - kMuchWorse : 0.0);
       ++counters.searches;
       own = registration.fit(view_of(p), p.match.pose);
     }
@@ -171,6 +173,7 @@ void Mapper::Impl::learn_twist_of(Particle& p, const Twist2& before, const Pose2
 
 void Mapper::Impl::learn_motion(const Scan& scan, const Pose2& before, double step_s, bool fits) {
   const Pose2 delta = between(before, set.best().pose);
+  if (fits && single() && slow()) prediction_error.add(between(set.best().prior.pose, set.best().pose));
   const Twist2 last = unwarp_twist();
   if (textbook()) {
     const Twist2 common = learn_twist(last_twist, delta, step_s, options.motion);
@@ -216,7 +219,7 @@ void Mapper::Impl::note_fit(bool fits, double step_s) {
   ++lost_scans;
   ++counters.lost_scans;
   lost_time_s += step_s;
-  if (lost_time_s <= options.motion.max_extrapolation_s) return;
+  if (lost_time_s <= kTwistLasts_s) return;
   for (Particle& p : set.particles()) p.twist = {};
   last_twist = {};
 }
@@ -271,7 +274,7 @@ void Mapper::Impl::spread_if_needed(const std::optional<CorrelativeResult>& foun
   const std::optional<Pose2> other_place =
       found ? registration.second_place(view_of(set.best()), set.best(), *found) : std::nullopt;
   if (!other_place) return;
-  set.spread(std::min(kSpread, options.max_adaptive_particles), window.front().map().layer());
+  set.spread(std::min(kPlaces, options.max_adaptive_particles), window.front().map().layer());
   for (std::size_t i = 1; i < set.size(); ++i) {
     Particle& p = set.particles()[i];
     if (i % 2 == 1) p.pose = *other_place;

@@ -20,12 +20,16 @@ namespace submapd {
 [[nodiscard]] Eigen::Matrix3d covariance_of(const Eigen::Matrix3d& information, double kappa,
                                             const Eigen::Matrix3d& prior);
 
+// Share of a scan that fits less than usual, in slow logs: such a scan is not made part of the map.
+inline constexpr double kMuchWorse = 0.12;
+
 // One thread, but for the pool's. Public to the files of this room only.
 struct Mapper::Impl {
   Impl(const MapperOptions& o, const Uuid& cart_id, const Uuid& run_id, WorkerPool& workers);
 
   [[nodiscard]] bool adaptive() const { return options.filter == FilterMode::kAdaptive; }
   [[nodiscard]] bool textbook() const { return options.filter == FilterMode::kFastSlam; }
+  [[nodiscard]] bool slow() const { return period.usual_s() > options.low_rate_s; }
   [[nodiscard]] bool single() const { return set.size() == 1; }
   [[nodiscard]] MapView view_of(const Particle& p) const {
     const IndexMap& map = window.front().map();
@@ -135,6 +139,7 @@ struct Mapper::Impl {
   double axial_variance_m2 = 0.0;  // of the predicted position along the weak axis
   OdometryGate gate;
   PeriodEstimator period;
+  PredictionError prediction_error;  // of slow logs without odometry
   ParticleSet set;
   std::vector<double> log_weights;
   std::vector<double> weights;

@@ -12,6 +12,7 @@ namespace {
 
 constexpr double kLostBreak_s = 0.6;  // this long without a match: the map goes on in a new sub-map
 constexpr int kLostBreakScans = 5;
+constexpr double kUnknown_s = 1.0;  // a gap that was announced: longer than a twist is worth anything
 constexpr double kUnseen_s = 0.6;   // without a scan that sees anything: the cart may have stopped or turned since
 constexpr double kAnyTime_s = 1e6;  // nobody knows how far it was carried
 constexpr int kComparedPoints = 30;
@@ -19,7 +20,8 @@ constexpr double kSamePlace = 0.5;    // share of a scan that the one before it 
 constexpr double kOpenedView = 0.1;   // share that lies behind what was seen: more than a passer-by who left
 constexpr double kSurelyKnown = 0.5;  // such a scan belongs to the map only if it fits very well
 constexpr double kSurelyMatched = 0.7;
-constexpr double kMuchWorse = 0.12;   // than usual: such a scan is not made part of the map
+// A scan from elsewhere errs less like the one before it than a scan from the same place does.
+constexpr double kSlowEvidence = 5.0;
 constexpr double kUsualShare = 0.05;  // of the newest scan
 
 double entropy_of(const Eigen::Matrix3d& covariance) {
@@ -100,7 +102,7 @@ bool Mapper::Impl::doubtful(const KnownFit& fit) {
   if (usual_fit == 0.0) usual_fit = fit.matched_ratio;
   const bool worse = fit.matched_ratio < usual_fit - kMuchWorse;
   usual_fit += kUsualShare * (fit.matched_ratio - usual_fit);
-  return worse && period.usual_s() > options.low_rate_s;
+  return worse && slow();
 }
 
 void Mapper::Impl::insert_again(const FinishedSubmap& submap) {
@@ -146,9 +148,9 @@ std::optional<double> Mapper::Impl::gap_before(const Scan& scan) const {
   const auto since = [&scan](std::int64_t stamp_us) { return static_cast<double>(scan.stamp_us - stamp_us) * 1e-6; };
   if (gap) {
     const double gap_s = since(tracked_us);
-    return gap_s > options.motion.max_extrapolation_s ? std::optional(gap_s) : std::nullopt;
+    return gap_s > kUnknown_s ? std::optional(gap_s) : std::nullopt;
   }
-  const bool followed_otherwise = textbook() || odometry_delta || period.usual_s() > options.low_rate_s;
+  const bool followed_otherwise = textbook() || odometry_delta || slow();
   const double gap_s = since(seen_us);
   return !followed_otherwise && gap_s > kUnseen_s ? std::optional(gap_s) : std::nullopt;
 }
@@ -202,9 +204,9 @@ void Mapper::Impl::pick_up(const Scan& scan, double gap_s, ScanReport& report, K
 }
 
 void Mapper::Impl::track(const Scan& scan, double elapsed_s, ScanReport& report, KnownFit& fit) {
-  period.add(elapsed_s);
   const double step_s = std::max(elapsed_s, period.usual_s());
   registration.assign(scan, unwarp_twist());
+  registration.set_evidence(slow() && !odometry_delta ? (getenv("EV")?atof(getenv("EV")):kSlowEvidence) : 1.0);
   const Pose2 before = set.best().pose;
   const bool elsewhere = shows_another_place(step_s);
   std::optional<CorrelativeResult> found;

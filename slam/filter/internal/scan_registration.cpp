@@ -45,7 +45,7 @@ KnownFit ScanRegistration::fit(const MapView& view, const Pose2& pose) const {
 }
 
 double ScanRegistration::log_likelihood(const MapView& view, const Pose2& pose) const {
-  return likelihood_.log_likelihood(points_.thinned(), view.field, options_.map.cell_m, pose);
+  return evidence_ * likelihood_.log_likelihood(points_.thinned(), view.field, options_.map.cell_m, pose);
 }
 
 double ScanRegistration::log_posterior(const MapView& view, const Pose2& pose, const MotionPrior& prior) const {
@@ -54,7 +54,7 @@ double ScanRegistration::log_posterior(const MapView& view, const Pose2& pose, c
 }
 
 CorrelativeResult ScanRegistration::search_about(const MapView& view, Particle& p, const Eigen::Vector3d& sigma,
-                                                 double widen) {
+                                                 double widen, double good) {
   SearchWindow window;
   window.half_x_m = std::clamp(kWindowSigmas * sigma(0) * widen, kMinWindow_m, kMaxWindow_m * widen);
   window.half_y_m = window.half_x_m;
@@ -75,8 +75,12 @@ CorrelativeResult ScanRegistration::search_about(const MapView& view, Particle& 
     p.prior.pose = motion.pose;
   }
   // A place that fits beats one that does not, however odd the motion: odometry slips. Of two that fit, the likelier.
-  const bool found_fits = acceptable(fit(view, p.match.pose));
-  const bool descended_fits = acceptable(fit(view, descended.pose));
+  const auto fits = [&](const Pose2& pose) {
+    const KnownFit f = fit(view, pose);
+    return acceptable(f) && (f.known_ratio < kMinKnownRatio || f.matched_ratio >= good);
+  };
+  const bool found_fits = fits(p.match.pose);
+  const bool descended_fits = fits(descended.pose);
   const bool keep_descended = found_fits == descended_fits ? log_posterior(view, descended.pose, motion) >=
                                                                  log_posterior(view, p.match.pose, motion)
                                                            : descended_fits;

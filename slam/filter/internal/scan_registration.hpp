@@ -23,6 +23,8 @@ class ScanRegistration {
 
   void assign(const Scan& scan, const Twist2& twist) { points_.assign(scan, twist); }
   [[nodiscard]] const ScanPoints& points() const { return points_; }
+  // How much more than in a run of a fast scanner each scan tells of the place, from now on.
+  void set_evidence(double times) { evidence_ = times; }
 
   // Too few points: the sensor sees nothing, which is no new territory.
   [[nodiscard]] bool blind() const;
@@ -36,8 +38,10 @@ class ScanRegistration {
   [[nodiscard]] double log_posterior(const MapView& view, const Pose2& pose, const MotionPrior& prior) const;
 
   // Wide search about the particle's prior, then both stages again; what was matched before stays if it is the likelier
-  // place. `sigma` is the motion model's; `widen` >= 1 after scans that were lost.
-  CorrelativeResult search_about(const MapView& view, Particle& p, const Eigen::Vector3d& sigma, double widen);
+  // place. `sigma` is the motion model's; `widen` >= 1 after scans that were lost. A place where less than `good` of the
+  // scan matches gives way to one where more does, however odd the motion.
+  CorrelativeResult search_about(const MapView& view, Particle& p, const Eigen::Vector3d& sigma, double widen,
+                                 double good);
 
   // The search's second peak, if it is a place of its own and nearly as likely as the first: descending from it must
   // not lead to the same pose, and the motion model must allow it.
@@ -49,6 +53,7 @@ class ScanRegistration {
   ScanPoints points_;
   CorrelativeSearch search_;
   LikelihoodTable likelihood_;
+  double evidence_ = 1.0;
 };
 
 }  // namespace submapd
