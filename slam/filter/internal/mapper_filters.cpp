@@ -14,6 +14,7 @@ constexpr double kReunwarp_m_s = 0.05;
 constexpr double kReunwarp_rad_s = 0.0524;
 constexpr double kUnknownTurn_rad_s = 0.7;
 constexpr double kShortGap_s = 0.15;  // scans are missing: a descent from the prediction may end elsewhere
+constexpr double kOdometryCaution = 3.0;  // stamps of logs are off, wheels slip
 constexpr double kTwistLasts_s = 1.0;
 constexpr int kPlaces = 2;
 constexpr double kMoved_m = 0.01;     // less is standing: weights of a standing cart count the same evidence again
@@ -29,7 +30,11 @@ Eigen::Matrix3d covariance_of(const Eigen::Matrix3d& information, double kappa, 
 
 void Mapper::Impl::set_prior(Particle& p, double step_s) const {
   PredictedMotion motion = predict(p, step_s);
-  if (slow() && !odometry_delta) motion.sigma = prediction_error.sigma(motion.sigma, step_s / period.usual_s());
+  if (odometry_delta) {
+    motion.sigma *= kOdometryCaution;
+  } else if (slow()) {
+    motion.sigma = prediction_error.sigma(motion.sigma, step_s / period.usual_s());
+  }
   p.prior.pose = compose(p.pose, motion.delta);
   p.prior.information = motion_information(motion, p.prior.pose.yaw);
   p.prior.weak = {};
@@ -103,12 +108,13 @@ KnownFit Mapper::Impl::filter_by_matching(const Scan& scan, double step_s, std::
   // Serial: the search has one scratch store.
   KnownFit fit;
   const bool search_anyway = !odometry_delta && adaptive() && (slow() || (step_s > kShortGap_s && single()));
+  const double good = slow() ? usual_fit - kMuchWorse : 0.0;
   for (Particle& p : set.particles()) {
     KnownFit own = registration.fit(view_of(p), p.match.pose);
-    if (!registration.blind() && (!registration.acceptable(own) || search_anyway)) {
+    if (!registration.blind() && (search_anyway || !registration.acceptable(own, good))) {
       const double widen = 1.0 + static_cast<double>(std::min(lost_scans, 6)) * 0.5;
-      found = registration.search_about(view_of(p), p, predict(p, step_s).sigma, widen,
-                                       slow() ? usual_fit - kMuchWorse : 0.0);
+      const Eigen::Vector3d reach = predict_by_twist(p.twist, step_s, options.motion).sigma;
+      found = registration.search_about(view_of(p), p, reach, widen, good);
       ++counters.searches;
       own = registration.fit(view_of(p), p.match.pose);
     }

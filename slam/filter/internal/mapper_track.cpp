@@ -206,7 +206,7 @@ void Mapper::Impl::pick_up(const Scan& scan, double gap_s, ScanReport& report, K
 void Mapper::Impl::track(const Scan& scan, double elapsed_s, ScanReport& report, KnownFit& fit) {
   const double step_s = std::max(elapsed_s, period.usual_s());
   registration.assign(scan, unwarp_twist());
-  registration.set_evidence(slow() && !odometry_delta ? (getenv("EV")?atof(getenv("EV")):kSlowEvidence) : 1.0);
+  registration.set_evidence(slow() && !odometry_delta ? kSlowEvidence : 1.0);
   const Pose2 before = set.best().pose;
   const bool elsewhere = shows_another_place(step_s);
   std::optional<CorrelativeResult> found;

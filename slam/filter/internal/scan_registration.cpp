@@ -32,8 +32,8 @@ bool ScanRegistration::blind() const {
   return points_.thinned().size() < kMinPoints;
 }
 
-bool ScanRegistration::acceptable(const KnownFit& fit) const {
-  return !blind() && (fit.known_ratio < kMinKnownRatio || fit.matched_ratio >= kGoodMatch);
+bool ScanRegistration::acceptable(const KnownFit& fit, double good) const {
+  return !blind() && (fit.known_ratio < kMinKnownRatio || fit.matched_ratio >= std::max(good, kGoodMatch));
 }
 
 MatchResult ScanRegistration::match(const MapView& view, const Pose2& start, const MotionPrior& prior) const {
@@ -75,12 +75,8 @@ CorrelativeResult ScanRegistration::search_about(const MapView& view, Particle& 
     p.prior.pose = motion.pose;
   }
   // A place that fits beats one that does not, however odd the motion: odometry slips. Of two that fit, the likelier.
-  const auto fits = [&](const Pose2& pose) {
-    const KnownFit f = fit(view, pose);
-    return acceptable(f) && (f.known_ratio < kMinKnownRatio || f.matched_ratio >= good);
-  };
-  const bool found_fits = fits(p.match.pose);
-  const bool descended_fits = fits(descended.pose);
+  const bool found_fits = acceptable(fit(view, p.match.pose), good);
+  const bool descended_fits = acceptable(fit(view, descended.pose), good);
   const bool keep_descended = found_fits == descended_fits ? log_posterior(view, descended.pose, motion) >=
                                                                  log_posterior(view, p.match.pose, motion)
                                                            : descended_fits;

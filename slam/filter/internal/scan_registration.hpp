@@ -29,7 +29,8 @@ class ScanRegistration {
   // Too few points: the sensor sees nothing, which is no new territory.
   [[nodiscard]] bool blind() const;
   // The pose fits the map, or hardly any of the scan lies on known ground and there is nothing to contradict.
-  [[nodiscard]] bool acceptable(const KnownFit& fit) const;
+  // `good`: share of what lies on known ground that must fit, if more than always.
+  [[nodiscard]] bool acceptable(const KnownFit& fit, double good = 0.0) const;
 
   [[nodiscard]] MatchResult match(const MapView& view, const Pose2& start, const MotionPrior& prior) const;
   [[nodiscard]] KnownFit fit(const MapView& view, const Pose2& pose) const;
