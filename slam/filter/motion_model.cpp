@@ -29,8 +29,9 @@ void PeriodEstimator::add(double period_s) {
   const std::size_t counted = n - (n == kWindow ? kPauses : 0);
   const double mean_s = std::accumulate(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(counted), 0.0) /
                         static_cast<double>(counted);
-  const auto bursting = std::lower_bound(sorted.begin(), end, kBurst * mean_s) - sorted.begin();
-  usual_s_ = static_cast<double>(bursting) > kBursts * static_cast<double>(n) ? mean_s : sorted[n / 2];
+  const auto hurried = std::lower_bound(sorted.begin(), end, kBurst * mean_s) - sorted.begin();
+  bursting_ = static_cast<double>(hurried) > kBursts * static_cast<double>(n);
+  usual_s_ = bursting_ ? mean_s : sorted[n / 2];
 }
 
 void PredictionError::add(const Pose2& predicted_from_actual) {
@@ -49,13 +50,16 @@ Eigen::Vector3d PredictionError::sigma(const Eigen::Vector3d& of_motion, double 
 
 PredictedMotion predict_by_twist(const Twist2& twist, double step_s, const MotionModelOptions& options) {
   PredictedMotion motion;
-  const double later_s = std::max(step_s - options.steady_s, 0.0);
-  const double going_s = std::min(step_s, options.steady_s) + options.push_s * -std::expm1(-later_s / options.push_s);
-  motion.delta = exp_twist(twist, going_s);
+  motion.delta = exp_twist(twist, std::min(step_s, options.max_extrapolation_s));
   const double half_square = 0.5 * step_s * step_s;
   const double sigma_m = std::min(options.accel_sigma * half_square, options.max_sigma_m);
   motion.sigma = {sigma_m, sigma_m, std::min(options.yaw_accel_sigma * half_square, options.max_sigma_rad)};
   return motion;
+}
+
+double trusted_time_s(double step_s, const MotionModelOptions& options) {
+  const double later_s = std::max(step_s - options.steady_s, 0.0);
+  return std::min(step_s, options.steady_s) + options.push_s * -std::expm1(-later_s / options.push_s);
 }
 
 PredictedMotion predict_by_odometry(const Pose2& delta, const MotionModelOptions& options) {

@@ -1,7 +1,7 @@
 // Where the next scan is expected: constant body twist, or the motion u_t that odometry reports.
 //
 // Design notes, section 3 (twist and its Q) and 6.1. Stamps of recorded logs come in bursts and gaps, so the time step
-// that counts is never shorter than the log's usual period; of a longer one, a push is forgotten within push_s.
+// that counts in them is never shorter than the log's usual period.
 #pragma once
 
 #include <Eigen/Core>
@@ -20,6 +20,8 @@ struct MotionModelOptions {
   double max_sigma_rad = 0.5;
   double max_speed_m_s = 4.5;  // a twist beyond the cart's limits is not learnt
   double max_yaw_rate_rad_s = 4.0;
+  double max_extrapolation_s = 1.0;  // beyond, the twist is worth nothing
+  // Where stamps tell little of how long a step took, hardly any of the twist is worth using.
   double steady_s = 0.06;  // so long a cart goes on as it went ...
   double push_s = 0.2;     // ... and then it forgets its speed with this time constant
   double smoothing = 0.7;            // share of the newest twist
@@ -38,12 +40,14 @@ class PeriodEstimator {
  public:
   void add(double period_s);
   [[nodiscard]] double usual_s() const { return usual_s_; }
+  [[nodiscard]] bool bursting() const { return bursting_; }
 
  private:
   static constexpr std::size_t kWindow = 101;
   std::array<double, kWindow> periods_{};
   std::size_t count_ = 0;
   double usual_s_ = 0.025;
+  bool bursting_ = false;
 };
 
 // A motion in the body frame and the sigmas of its (x, y, yaw).
@@ -69,6 +73,8 @@ class PredictionError {
 
 // REQUIRES: step_s > 0.
 [[nodiscard]] PredictedMotion predict_by_twist(const Twist2& twist, double step_s, const MotionModelOptions& options);
+// What of a step the twist is worth using for, where its time is not known well.
+[[nodiscard]] double trusted_time_s(double step_s, const MotionModelOptions& options);
 [[nodiscard]] PredictedMotion predict_by_odometry(const Pose2& delta, const MotionModelOptions& options);
 
 // Twist of a matched motion, smoothed into `twist`; unchanged where the motion is beyond the cart's limits.

@@ -62,8 +62,10 @@ struct Mapper::Impl {
   [[nodiscard]] Twist2 unwarp_twist() const { return options.unwarp ? last_twist : Twist2{}; }
 
   [[nodiscard]] PredictedMotion predict(const Particle& p, double step_s) const {
-    return odometry_delta ? predict_by_odometry(*odometry_delta, options.motion)
-                          : predict_by_twist(p.twist, step_s, options.motion);
+    if (odometry_delta) return predict_by_odometry(*odometry_delta, options.motion);
+    PredictedMotion motion = predict_by_twist(p.twist, step_s, options.motion);
+    if (period.bursting()) motion.delta = exp_twist(p.twist, trusted_time_s(step_s, options.motion));
+    return motion;
   }
 
   void set_prior(Particle& p, double step_s) const;

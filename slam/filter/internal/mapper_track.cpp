@@ -12,6 +12,7 @@ namespace {
 
 constexpr double kLostBreak_s = 0.6;  // this long without a match: the map goes on in a new sub-map
 constexpr int kLostBreakScans = 5;
+constexpr double kShortest_s = 0.005;
 constexpr double kUnknown_s = 1.0;  // a gap that was announced: longer than a twist is worth anything
 constexpr double kUnseen_s = 0.6;   // without a scan that sees anything: the cart may have stopped or turned since
 constexpr double kAnyTime_s = 1e6;  // nobody knows how far it was carried
@@ -204,7 +205,7 @@ void Mapper::Impl::pick_up(const Scan& scan, double gap_s, ScanReport& report, K
 }
 
 void Mapper::Impl::track(const Scan& scan, double elapsed_s, ScanReport& report, KnownFit& fit) {
-  const double step_s = std::max(elapsed_s, period.usual_s());
+  const double step_s = period.bursting() ? std::max(elapsed_s, period.usual_s()) : std::max(elapsed_s, kShortest_s);
   registration.assign(scan, unwarp_twist());
   registration.set_evidence(slow() && !odometry_delta ? kSlowEvidence : 1.0);
   const Pose2 before = set.best().pose;
