@@ -1,5 +1,3 @@
-#include <cstdio>
-#include <cstdlib>
 #include "slam/filter/mapper.hpp"
 
 #include <algorithm>
@@ -70,7 +68,6 @@ ScanReport Mapper::process(const Scan& scan) {
   }
   if (!report.lost) m.tracked_us = scan.stamp_us;
   m.fill_report(report, fit);
-  if (getenv("DBG")) fprintf(stderr, "D %ld %.3f known %.2f match %.2f contra %.2f lost %d kf %d n %d searches %ld sub %u linked %d breaks %ld pose %.2f %.2f %.1f best %.2f\n", (long)scan.index, elapsed_s, fit.known_ratio, fit.matched_ratio, fit.contradiction, report.lost, report.keyframe, report.particles, (long)m.counters.searches, report.submap, report.keyframe_linked, (long)m.counters.breaks, report.odom_from_base.x, report.odom_from_base.y, report.odom_from_base.yaw*57.2958, m.usual_fit);
   m.hand_over_if_full();
   m.refill();
   return report;

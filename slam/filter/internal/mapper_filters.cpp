@@ -14,11 +14,13 @@ constexpr double kReunwarp_m_s = 0.05;
 constexpr double kReunwarp_rad_s = 0.0524;
 constexpr double kUnknownTurn_rad_s = 0.7;
 constexpr double kShortGap_s = 0.15;  // scans are missing: a descent from the prediction may end elsewhere
-constexpr double kOdometryCaution = 3.0;  // stamps of logs are off, wheels slip
 constexpr double kTwistLasts_s = 1.0;
 constexpr int kPlaces = 2;
 constexpr double kMoved_m = 0.01;     // less is standing: weights of a standing cart count the same evidence again
 constexpr double kMoved_rad = 0.0087;
+
+// Of (x, y, yaw): in recorded logs odometry was seldom read just when the scan was taken.
+const Eigen::Vector3d kOdometryStamp(0.03, 0.03, 0.03);
 
 }  // namespace
 
@@ -31,7 +33,7 @@ Eigen::Matrix3d covariance_of(const Eigen::Matrix3d& information, double kappa, 
 void Mapper::Impl::set_prior(Particle& p, double step_s) const {
   PredictedMotion motion = predict(p, step_s);
   if (odometry_delta) {
-    motion.sigma *= kOdometryCaution;
+    if (slow()) motion.sigma += kOdometryStamp;
   } else if (slow()) {
     motion.sigma = prediction_error.sigma(motion.sigma, step_s / period.usual_s());
   }
@@ -108,13 +110,12 @@ KnownFit Mapper::Impl::filter_by_matching(const Scan& scan, double step_s, std::
   // Serial: the search has one scratch store.
   KnownFit fit;
   const bool search_anyway = !odometry_delta && adaptive() && (slow() || (step_s > kShortGap_s && single()));
-  const double good = slow() ? usual_fit - kMuchWorse : 0.0;
+  const double good = slow() && !odometry_delta ? usual_fit - kMuchWorse : 0.0;
   for (Particle& p : set.particles()) {
     KnownFit own = registration.fit(view_of(p), p.match.pose);
-    if (!registration.blind() && (search_anyway || !registration.acceptable(own, good))) {
+    if (!registration.blind() && (search_anyway || !registration.acceptable(own))) {
       const double widen = 1.0 + static_cast<double>(std::min(lost_scans, 6)) * 0.5;
-      const Eigen::Vector3d reach = predict_by_twist(p.twist, step_s, options.motion).sigma;
-      found = registration.search_about(view_of(p), p, reach, widen, good);
+      found = registration.search_about(view_of(p), p, predict(p, step_s).sigma, widen, good);
       ++counters.searches;
       own = registration.fit(view_of(p), p.match.pose);
     }
