@@ -35,7 +35,7 @@ void Mapper::Impl::set_prior(Particle& p, double step_s) const {
   if (odometry_delta) {
     if (slow()) motion.sigma += kOdometryStamp;
   } else if (slow()) {
-    motion.sigma = prediction_error.sigma(motion.sigma, step_s / period.usual_s());
+    motion.sigma = usual_sigma(motion.sigma, step_s);
   }
   p.prior.pose = compose(p.pose, motion.delta);
   p.prior.information = motion_information(motion, p.prior.pose.yaw);
@@ -115,9 +115,15 @@ KnownFit Mapper::Impl::filter_by_matching(const Scan& scan, double step_s, std::
     KnownFit own = registration.fit(view_of(p), p.match.pose);
     if (!registration.blind() && (search_anyway || !registration.acceptable(own))) {
       const double widen = 1.0 + static_cast<double>(std::min(lost_scans, 6)) * 0.5;
-      found = registration.search_about(view_of(p), p, predict(p, step_s).sigma, widen, good);
-      ++counters.searches;
-      own = registration.fit(view_of(p), p.match.pose);
+      const auto search = [&](const Eigen::Vector3d& sigma) {
+        found = registration.search_about(view_of(p), p, sigma, widen, good);
+        ++counters.searches;
+        own = registration.fit(view_of(p), p.match.pose);
+      };
+      const Eigen::Vector3d widest = predict(p, step_s).sigma;
+      const Eigen::Vector3d usual = search_anyway ? usual_sigma(widest, step_s) : widest;
+      search(usual);
+      if (usual != widest && !registration.acceptable(own, good)) search(widest);
     }
     if (!registration.acceptable(own)) p.match.pose = p.prior.pose;
     if (&p == &set.particles().front() || own.matched_ratio > fit.matched_ratio) fit = own;

@@ -68,6 +68,11 @@ struct Mapper::Impl {
     return motion;
   }
 
+  // What predictions in a slow log are usually off; of_motion in any other.
+  [[nodiscard]] Eigen::Vector3d usual_sigma(const Eigen::Vector3d& of_motion, double step_s) const {
+    return slow() ? prediction_error.sigma(of_motion, step_s / period.usual_s()) : of_motion;
+  }
+
   void set_prior(Particle& p, double step_s) const;
 
   // ---- filters ----
