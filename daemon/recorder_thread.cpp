@@ -196,6 +196,7 @@ bool RecorderThread::write_submap() {
     std::optional<FinishedSubmap> finished = links_.mapper.take_finished();
     if (!finished) return false;
     unsaved_ = std::make_shared<const FinishedSubmap>(std::move(*finished));
+    write_poses();  // of its last scans, too: the run would go on from its end and never map them again
   } else if (driver::monotonic_now_ns() < next_save_ns_ && !stop_.load(std::memory_order_relaxed)) {
     return false;
   }
