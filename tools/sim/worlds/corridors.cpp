@@ -16,7 +16,7 @@ constexpr double kRadius_m = 14.0;    // of the round ends, to the corridor's mi
 constexpr double kHalfWidth_m = 1.25;
 
 constexpr double kCorridor_m = 200.0;
-constexpr double kRoom_m = 12.0;
+constexpr double kRoom_m = 24.0;  // a run-up to 3 m/s
 
 // The ring by arc length of its middle: place, and direction to the left.
 struct RingPlace {
@@ -139,11 +139,13 @@ Site build_corridor(std::uint64_t /*seed*/) {
     d.line({x + kRoom_m * sense, -5.0}, {x, -5.0});
     d.line({x, -5.0}, {x, -1.2});
     furnish_end_room(d, x, sense);
+    furnish_end_room(d, x + 0.5 * kRoom_m * sense, sense);
   }
   Site site;
   site.walls = d.take();
   site.area_m2 = kCorridor_m * 2.4 + 2.0 * kRoom_m * 10.0;
-  site.route.waypoints = {{-6.0, -1.5}, {-6.5, 1.5}, {-2.0, 0.0}, {kCorridor_m + 2.0, 0.0}, {kCorridor_m + 6.0, 1.4}};
+  // At full speed before the room ends: what a cart does that enters while it speeds up, no scan tells.
+  site.route.waypoints = {{-20.0, -1.5}, {-20.5, 1.5}, {-18.0, 0.0}, {kCorridor_m + 2.0, 0.0}, {kCorridor_m + 6.0, 1.4}};
   return site;
 }
 
