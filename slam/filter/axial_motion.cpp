@@ -7,7 +7,8 @@ namespace submapd {
 namespace {
 
 constexpr double kUnsteady = 0.5;  // mean square of the residuals in (careful) sigmas: beyond, the speed was not one
-constexpr double kMapSigma_m = 0.003;  // no pose is better than the map
+constexpr double kMapSigma_m = 0.003;    // no pose is better than the map
+constexpr double kHangsBack_m = 0.015;  // the last beams that hold an axis would rather keep the cart where it was
 
 }  // namespace
 
@@ -48,7 +49,10 @@ void AxialMotion::update(double information) {
 }
 
 void AxialMotion::note(const Eigen::Vector2d& moved_m, double step_s, double information) {
-  steps_[noted_ % steps_.size()] = {moved_m, step_s, information > 0.0 ? information : options_.strong_information};
+  const bool weak = information > 0.0;
+  const double of_map_m = weak ? kHangsBack_m : kMapSigma_m;
+  const double of_beams_m2 = options_.kappa / (weak ? information : options_.strong_information);
+  steps_[noted_ % steps_.size()] = {moved_m, step_s, of_beams_m2 + of_map_m * of_map_m};
   ++noted_;
 }
 
@@ -63,7 +67,7 @@ AxialMotion::Line AxialMotion::fit(const Eigen::Vector2d& axis, std::size_t step
     double s = 0.0;
     for (std::size_t k = 0; k < steps; ++k) {
       const Step& step = back(k);
-      f(t, s, 1.0 / (options_.kappa / step.information + kMapSigma_m * kMapSigma_m));
+      f(t, s, 1.0 / step.variance_m2);
       t -= step.step_s;
       s -= axis.dot(step.moved_m);
     }
