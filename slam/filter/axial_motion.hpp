@@ -2,7 +2,7 @@
 //
 // Two estimates of the same motion. While few beams hold the axis: a Kalman filter over (position, speed) along it, so
 // that a dozen beams teach a new speed within a few scans and their noise does not. When nothing holds it any longer:
-// the speed of the longest steady stretch of the last two seconds, which no single scan on the way out of sight can spoil;
+// the speed of the longest steady stretch of the last second, which no single scan on the way out of sight can spoil;
 // the cart then goes on with that. One thread, does not allocate.
 #pragma once
 
@@ -44,7 +44,7 @@ class AxialMotion {
   // The matched motion of one scan, body frame, and what held it along the weak axis; 0: all around.
   void note(const Eigen::Vector2d& moved_m, double step_s, double information);
 
-  // Of the longest steady stretch within the last two seconds, at its end; `axis` is a unit vector in the body frame: a cart
+  // Of the longest steady stretch within the last second, at its end; `axis` is a unit vector in the body frame: a cart
   // that turns keeps its speed ahead.
   struct Steady {
     double speed_m_s = 0.0;
@@ -69,7 +69,7 @@ class AxialMotion {
 
   AxialMotionOptions options_;
   Eigen::Matrix2d covariance_ = Eigen::Matrix2d::Identity();
-  std::array<Step, 80> steps_;
+  std::array<Step, 40> steps_;
   std::size_t noted_ = 0;
 };
 
