@@ -41,7 +41,10 @@ Expected<std::unique_ptr<LiveRun>> LiveRun::start(const Configuration& configura
   try {
     std::unique_ptr<LiveRun> run(new LiveRun(configuration));
     if (Status status = run->choose_run(input); !status.ok()) return failure(status);
-    if (Status status = run->open_files(); !status.ok()) return failure(status);
+    if (Status status = run->open_files(); !status.ok()) {
+      if (!run->resume_) discard_run(run->folder_);  // nothing is in it
+      return failure(status);
+    }
     if (Status status = run->start_threads(); !status.ok()) return failure(status);
     reserve_heap(configuration.submap_cache_bytes + configuration.graph_bytes +
                  work_heap_bytes(configuration.graph_bytes));

@@ -214,11 +214,11 @@ bool RecorderThread::write_submap() {
   if (Status status = links_.poses.sync(); !status.ok()) refused(status);
   if (!journal(SubmapSaved{index, *saved_})) return false;
   links_.hashes.add(index, *saved_);
-  last_submap_.store(index);
   links_.publisher.hand_over(std::move(unsaved_), *saved_);
   unsaved_ = nullptr;
   saved_.reset();
   links_.optimizer.announce(index);
+  last_submap_.store(index);  // last: who saves a map waits for this and then asks the optimizer
   return true;
 }
 

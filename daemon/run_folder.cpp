@@ -56,6 +56,19 @@ Expected<Uuid> identity_of_cart(const std::filesystem::path& path) {
   return id;
 }
 
+Status make_current(const RunFolder& folder, const std::filesystem::path& state) {
+  std::error_code error;
+  for (const std::filesystem::path& made : {folder.path, folder.submaps(), folder.maps()}) {
+    std::filesystem::create_directory(made, error);
+    if (error) return {StatusCode::kIo, fmt::format("cannot make {}: {}", made.string(), error.message())};
+  }
+  for (const std::filesystem::path& synced : {folder.path, state / "runs"}) {
+    if (Status status = sync_folder(synced); !status.ok()) return status;
+  }
+  const std::string current = folder.name + "\n";
+  return atomic_write_file(state / "current-run", std::as_bytes(std::span(current)));
+}
+
 }  // namespace
 
 Expected<RunFolder> begin_run(const std::filesystem::path& state, const RunClock& clock) {
@@ -77,18 +90,16 @@ Expected<RunFolder> begin_run(const std::filesystem::path& state, const RunClock
   const std::time_t seconds = RunClock::now().utime_us() / 1'000'000;  // of the system, also for a log's scans
   folder.name = fmt::format("{:%Y%m%d-%H%M%S}-{}", fmt::gmtime(seconds), run->to_string().substr(0, 4));
   folder.path = state / "runs" / folder.name;
-  for (const std::filesystem::path& made : {folder.path, folder.submaps(), folder.maps()}) {
-    std::filesystem::create_directory(made, error);
-    if (error) return failure(StatusCode::kIo, fmt::format("cannot make {}: {}", made.string(), error.message()));
-  }
-  for (const std::filesystem::path& synced : {folder.path, state / "runs"}) {
-    if (Status status = sync_folder(synced); !status.ok()) return failure(status);
-  }
-  const std::string current = folder.name + "\n";
-  if (Status status = atomic_write_file(state / "current-run", std::as_bytes(std::span(current))); !status.ok()) {
+  if (Status status = make_current(folder, state); !status.ok()) {
+    discard_run(folder);
     return failure(status);
   }
   return folder;
+}
+
+void discard_run(const RunFolder& folder) {
+  std::error_code error;
+  std::filesystem::remove_all(folder.path, error);
 }
 
 }  // namespace submapd

@@ -27,7 +27,10 @@ struct RunFolder {
 
 // Makes the folder of a new run, with its submaps/ and maps/, and the cart's identity if it has none. `state` is made
 // if it is missing. STATE/current-run names the run from here on. Errors: kIo, kCorrupt (cart-uuid holds something
-// else).
+// else); nothing is left of the run then.
 [[nodiscard]] Expected<RunFolder> begin_run(const std::filesystem::path& state, const RunClock& clock);
+
+// Of a run that could not begin, with all that is in its folder; as far as the disk lets it.
+void discard_run(const RunFolder& folder);
 
 }  // namespace submapd

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 """A short run of submapd, once for each call that writes a file, gives it its name, or syncs it: that call finds the disk full.
 
-Usage: disk_full_soak.py [--first FIRST] [--step N] [--seconds S] [--failing N] SUBMAPCTL SUBMAPD DISK_FULL_SO
-Each run is fed in virtual time, saves its map, and ends by SIGTERM. The disk refuses call number FIRST, then (in another
-run) calls N, 2N, ... later until a run ends before the call comes. Either the daemon says at its start what is wrong, and the
+Usage: disk_full_soak.py [--start CALLS] [--step N] [--seconds S] [--failing N] SUBMAPCTL SUBMAPD DISK_FULL_SO
+Each run is fed in virtual time, saves its map, and ends by SIGTERM. The disk refuses call number 0, then (in another run)
+the next until START of them, and from there each N-th until a run ends before the call comes. Either the daemon says at its start what is wrong, and the
 next start goes well; or it maps all scans, loses no sub-map, says that the disk is full, saves the map (a save that was
 refused says so, and the next one succeeds), and what it leaves verifies. Run in a network of its own.
 """
@@ -33,8 +33,8 @@ def save(rig):
     raise AssertionError("no map could be saved although there was room again: " + saved.stderr)
 
 
-def run_once(arguments, folder, log, call):
-    """What became of the run; nothing if it ended before that call."""
+def run_once(arguments, folder, log, call, submaps):
+    """What became of the run, which has so many sub-maps; nothing if it ended before that call."""
     rig = FedDaemon(arguments.submapctl, arguments.submapd, folder, log, 2.0)
     try:
         rig.start(environment={"LD_PRELOAD": arguments.disk_full, "DISK_FULL_FOLDER": str(folder / "state"),
@@ -54,14 +54,14 @@ def run_once(arguments, folder, log, call):
         if save(rig) > 1:
             what = "saved the map at the second try"
         assert rig.end(signal.SIGTERM) == 0, rig.messages()
-        if len(rig.submaps()) <= health["optimizer"]["submaps"]:  # the last one was refused: the run goes on
+        if len(rig.submaps()) < submaps:  # the last one was refused: the run goes on
             what = "gave its last sub-map at the next start"
             rig.start()
             rig.wait_until_fed()
             assert rig.end(signal.SIGTERM) == 0, rig.messages()
         verified = rig.verify()
         assert verified.returncode == 0, verified.stdout + verified.stderr
-        assert len(rig.submaps()) == health["optimizer"]["submaps"] + 1, f"{len(rig.submaps())} sub-maps are left"
+        assert len(rig.submaps()) == submaps, f"{len(rig.submaps())} sub-maps are left of {submaps}"
         return what if FULL in rig.messages() or what.startswith("saved") else None
     finally:
         if rig.process.poll() is None:
@@ -70,7 +70,7 @@ def run_once(arguments, folder, log, call):
 
 def main():
     parser = argparse.ArgumentParser()
-    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--start", type=int, default=0, help="calls that are refused one by one, whatever the step")
     parser.add_argument("--step", type=int, default=1)
     parser.add_argument("--seconds", type=float, default=6.0)
     parser.add_argument("--failing", type=int, default=1, help="calls that fail in a row")
@@ -84,10 +84,15 @@ def main():
     with tempfile.TemporaryDirectory() as temporary:
         scratch = pathlib.Path(temporary)
         log = simulate(arguments.submapctl, scratch / "sim", arguments.seconds / 60.0)
-        call = arguments.first
+        undisturbed = FedDaemon(arguments.submapctl, arguments.submapd, scratch / "undisturbed", log, 2.0)
+        undisturbed.start()
+        undisturbed.wait_until_fed()
+        assert undisturbed.end(signal.SIGTERM) == 0, undisturbed.messages()
+        submaps = len(undisturbed.submaps())
+        call = runs = 0
         while True:
             try:
-                what = run_once(arguments, scratch / "run", log, call)
+                what = run_once(arguments, scratch / "run", log, call, submaps)
                 if what is None:
                     break
                 outcomes[what] = outcomes.get(what, 0) + 1
@@ -95,8 +100,9 @@ def main():
                 failed += 1
                 print(f"call {call}: FAILED: {error}", flush=True)
             shutil.rmtree(scratch / "run")
-            call += arguments.step
-    print(f"calls {arguments.first} to {call - arguments.step}, each {arguments.step}: {outcomes}, {failed} failed, "
+            runs += 1
+            call += 1 if call < arguments.start else arguments.step
+    print(f"{runs} of calls 0 to {call}: {outcomes}, {failed} failed, "
           f"{time.monotonic() - begun:.0f} s")
     return 1 if failed or not outcomes else 0
 
