@@ -95,14 +95,18 @@ Status MapFolder::commit(nlohmann::json manifest) {
   if (Status status = atomic_write_file(aside_ / kManifest, std::as_bytes(std::span(text))); !status.ok())
     return status;
 
-  if (::renameat2(AT_FDCWD, aside_.c_str(), AT_FDCWD, path_.c_str(), RENAME_NOREPLACE) == 0) {
-    aside_.clear();
-  } else if (errno != EEXIST || !replace_) {
-    return io_error(path_, "put the map in its place");
-  } else if (::renameat2(AT_FDCWD, aside_.c_str(), AT_FDCWD, path_.c_str(), RENAME_EXCHANGE) != 0) {
-    return io_error(path_, "replace the map");
-  }  // else aside_ is the old map now, which the destructor removes
-  return sync_folder(path_.parent_path());
+  unsigned how = RENAME_NOREPLACE;
+  if (::renameat2(AT_FDCWD, aside_.c_str(), AT_FDCWD, path_.c_str(), how) != 0) {
+    if (errno != EEXIST || !replace_) return io_error(path_, "put the map in its place");
+    how = RENAME_EXCHANGE;
+    if (::renameat2(AT_FDCWD, aside_.c_str(), AT_FDCWD, path_.c_str(), how) != 0) {
+      return io_error(path_, "replace the map");
+    }
+  }  // aside_ is free now, or the old map, which the destructor removes
+  Status synced = sync_folder(path_.parent_path());
+  if (!synced.ok())
+    (void)::renameat2(AT_FDCWD, path_.c_str(), AT_FDCWD, aside_.c_str(), how);  // the name is for the next try
+  return synced;
 }
 
 }  // namespace submapd

@@ -12,7 +12,8 @@ namespace submapd {
 namespace {
 
 constexpr std::chrono::milliseconds kIdle{100};  // between heartbeats when no scan comes
-// A scan after which the cart is sought all around takes a tenth of a second, on a busy machine or under a sanitizer seconds.
+// A scan after which the cart is sought all around takes a tenth of a second, on a busy machine or under a sanitizer
+// seconds.
 constexpr std::chrono::milliseconds kSnapshotPatience{10'000};
 constexpr std::chrono::milliseconds kTakePatience{5000};
 

@@ -7,7 +7,7 @@ namespace submapd {
 namespace {
 
 constexpr double kUnsteady = 0.5;  // mean square of the residuals in (careful) sigmas: beyond, the speed was not one
-constexpr double kMapSigma_m = 0.003;    // no pose is better than the map
+constexpr double kMapSigma_m = 0.003;   // no pose is better than the map
 constexpr double kHangsBack_m = 0.015;  // the last beams that hold an axis would rather keep the cart where it was
 
 }  // namespace

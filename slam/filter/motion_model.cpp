@@ -13,8 +13,8 @@ constexpr std::size_t kPauses = 5;  // so many of the window may be gaps, which 
 constexpr double kBurst = 0.25;     // of the mean: faster than a scanner turns
 constexpr double kBursts = 0.1;     // share of such periods
 
-constexpr double kNewest = 0.03;      // share of the newest scan's error in the mean square
-constexpr double kCautious = 2.0;     // a scan may be off by more than scans usually are
+constexpr double kNewest = 0.03;   // share of the newest scan's error in the mean square
+constexpr double kCautious = 2.0;  // a scan may be off by more than scans usually are
 
 }  // namespace
 

@@ -24,7 +24,7 @@ struct MotionModelOptions {
   // Where stamps tell little of how long a step took, hardly any of the twist is worth using.
   double steady_s = 0.06;  // so long a cart goes on as it went ...
   double push_s = 0.2;     // ... and then it forgets its speed with this time constant
-  double smoothing = 0.7;            // share of the newest twist
+  double smoothing = 0.7;  // share of the newest twist
   // Odometry: sigma = base + share of the motion.
   double odom_base_m = 0.01;
   double odom_per_m = 0.10;
@@ -34,8 +34,8 @@ struct MotionModelOptions {
   double odom_rad_per_m = 0.03;
 };
 
-// The usual period between scans, from the last of them: the median, or where many scans follow each other faster than a
-// scanner turns, as those do that are stamped in bursts on arrival, the mean. Deterministic and bounded.
+// The usual period between scans, from the last of them: the median, or where many scans follow each other faster than
+// a scanner turns, as those do that are stamped in bursts on arrival, the mean. Deterministic and bounded.
 class PeriodEstimator {
  public:
   void add(double period_s);

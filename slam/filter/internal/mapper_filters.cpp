@@ -16,7 +16,7 @@ constexpr double kUnknownTurn_rad_s = 0.7;
 constexpr double kShortGap_s = 0.15;  // scans are missing: a descent from the prediction may end elsewhere
 constexpr double kTwistLasts_s = 1.0;
 constexpr int kPlaces = 2;
-constexpr double kMoved_m = 0.01;     // less is standing: weights of a standing cart count the same evidence again
+constexpr double kMoved_m = 0.01;  // less is standing: weights of a standing cart count the same evidence again
 constexpr double kMoved_rad = 0.0087;
 
 // Of (x, y, yaw): in recorded logs odometry was seldom read just when the scan was taken.

@@ -39,8 +39,8 @@ class ScanRegistration {
   [[nodiscard]] double log_posterior(const MapView& view, const Pose2& pose, const MotionPrior& prior) const;
 
   // Wide search about the particle's prior, then both stages again; what was matched before stays if it is the likelier
-  // place. `sigma` is the motion model's; `widen` >= 1 after scans that were lost. A place where less than `good` of the
-  // scan matches gives way to one where more does, however odd the motion.
+  // place. `sigma` is the motion model's; `widen` >= 1 after scans that were lost. A place where less than `good` of
+  // the scan matches gives way to one where more does, however odd the motion.
   CorrelativeResult search_about(const MapView& view, Particle& p, const Eigen::Vector3d& sigma, double widen,
                                  double good);
 

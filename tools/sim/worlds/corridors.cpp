@@ -145,7 +145,8 @@ Site build_corridor(std::uint64_t /*seed*/) {
   site.walls = d.take();
   site.area_m2 = kCorridor_m * 2.4 + 2.0 * kRoom_m * 10.0;
   // At full speed before the room ends: what a cart does that enters while it speeds up, no scan tells.
-  site.route.waypoints = {{-20.0, -1.5}, {-20.5, 1.5}, {-18.0, 0.0}, {kCorridor_m + 2.0, 0.0}, {kCorridor_m + 6.0, 1.4}};
+  site.route.waypoints = {
+      {-20.0, -1.5}, {-20.5, 1.5}, {-18.0, 0.0}, {kCorridor_m + 2.0, 0.0}, {kCorridor_m + 6.0, 1.4}};
   return site;
 }
 
