@@ -14,9 +14,8 @@ constexpr double kReunwarp_m_s = 0.05;
 constexpr double kReunwarp_rad_s = 0.0524;
 constexpr double kUnknownTurn_rad_s = 0.7;
 constexpr double kShortGap_s = 0.15;  // scans are missing: a descent from the prediction may end elsewhere
-constexpr double kTwistLasts_s = 1.0;
-constexpr int kPlaces = 2;
-constexpr double kMoved_m = 0.01;  // less is standing: weights of a standing cart count the same evidence again
+constexpr int kPlaces = 2;            // a particle each
+constexpr double kMoved_m = 0.01;     // less is standing: weights of a standing cart count the same evidence again
 constexpr double kMoved_rad = 0.0087;
 
 // Of (x, y, yaw): in recorded logs odometry was seldom read just when the scan was taken.
@@ -234,7 +233,7 @@ void Mapper::Impl::note_fit(bool fits, double step_s) {
   ++lost_scans;
   ++counters.lost_scans;
   lost_time_s += step_s;
-  if (lost_time_s <= kTwistLasts_s) return;
+  if (lost_time_s <= options.motion.max_extrapolation_s) return;
   for (Particle& p : set.particles()) p.twist = {};
   last_twist = {};
 }

@@ -13,7 +13,6 @@ namespace {
 constexpr double kLostBreak_s = 0.6;  // this long without a match: the map goes on in a new sub-map
 constexpr int kLostBreakScans = 5;
 constexpr double kShortest_s = 0.005;
-constexpr double kUnknown_s = 1.0;  // a gap that was announced: longer than a twist is worth anything
 constexpr double kUnseen_s = 0.6;   // without a scan that sees anything: the cart may have stopped or turned since
 constexpr double kAnyTime_s = 1e6;  // nobody knows how far it was carried
 constexpr int kComparedPoints = 30;
@@ -149,7 +148,7 @@ std::optional<double> Mapper::Impl::gap_before(const Scan& scan) const {
   const auto since = [&scan](std::int64_t stamp_us) { return static_cast<double>(scan.stamp_us - stamp_us) * 1e-6; };
   if (gap) {
     const double gap_s = since(tracked_us);
-    return gap_s > kUnknown_s ? std::optional(gap_s) : std::nullopt;
+    return gap_s > options.motion.max_extrapolation_s ? std::optional(gap_s) : std::nullopt;
   }
   const bool followed_otherwise = textbook() || odometry_delta || slow();
   const double gap_s = since(seen_us);
