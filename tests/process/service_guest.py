@@ -112,7 +112,8 @@ def stop_with_scanners():
 def start_with_scanners():
     stop_with_scanners()
     run("systemctl", "start", "emulator.service")
-    wait_for("the emulator", lambda: pathlib.Path("/run/emulator/environment").read_text(encoding="utf-8").strip())
+    said = pathlib.Path("/run/emulator/environment")
+    wait_for("the emulator", lambda: said.exists() and said.read_text(encoding="utf-8").strip())
     run("systemctl", "start", "submapd.service")
     wait_for("a map", lambda: health().get("state") == "mapping" and health()["mapper"]["scans"] > 40)
 
