@@ -63,10 +63,3 @@ def simulate(submapctl, prefix, minutes, seed=1):
     subprocess.run([submapctl, "simulate", "office", "--out", prefix, "--minutes", str(minutes), "--speed", "1.5", "--seed",
                     str(seed), "--format", "lcmlog"], check=True, stdout=subprocess.DEVNULL)
     return prefix.with_name(prefix.name + ".lcmlog")
-
-
-def simulate(submapctl, prefix, minutes, seed=1):
-    """PREFIX.lcmlog and PREFIX.truth.tum; give a prefix that ends in `sim`."""
-    subprocess.run([submapctl, "simulate", "office", "--out", prefix, "--minutes", str(minutes), "--speed", "1.5", "--seed",
-                    str(seed), "--format", "lcmlog"], check=True, stdout=subprocess.DEVNULL)
-    return prefix.with_name(prefix.name + ".lcmlog")

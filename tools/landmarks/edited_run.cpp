@@ -3,22 +3,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <span>
 #include <utility>
 
+#include "daemon/run_clock.hpp"
 #include "slam/base/atomic_file.hpp"
 
 namespace submapd::tools {
-namespace {
-
-std::int64_t now_us() {
-  const auto since = std::chrono::system_clock::now().time_since_epoch();
-  return std::chrono::duration_cast<std::chrono::microseconds>(since).count();
-}
-
-}  // namespace
-
 Expected<EditedRun> EditedRun::open(const std::filesystem::path& folder, const Configuration& configuration) {
   std::error_code error;
   if (!std::filesystem::exists(folder / "journal", error) ||
@@ -87,7 +78,7 @@ Status EditedRun::append(const JournalEvent& edit) {
   }
   const Expected<std::unique_ptr<RunJournal>> journal = RunJournal::reopen(path, journal_);
   if (!journal) return journal.error();
-  const JournalRecord record{now_us(), edit};
+  const JournalRecord record{RunClock::now().utime_us(), edit};
   if (Status status = (*journal)->append(record); !status.ok()) return status;
   journal_.records.push_back(record);
   journal_.whole_bytes += encode_journal_record(record).size();

@@ -188,9 +188,6 @@ Trial compare(const FinalResult& before, const FinalResult& after, const SubmapP
   if (changes.size() > kMostTold) trial.text += fmt::format("... and {} more\n", changes.size() - kMostTold);
   sigmas_before.erase(added);
   for (const auto& [pair, sigmas] : sigmas_before) {
-    const bool still = std::any_of(after.ties.begin(), after.ties.end(),
-                                   [&, p = pair](const TieStress& t) { return SubmapPair(t.a, t.b) == p; });
-    if (still) continue;
     trial.breaks = true;
     trial.text += fmt::format("loop {:3} - {:3}: no longer confirmed  BREAKS\n", pair.first, pair.second);
   }
@@ -303,7 +300,8 @@ Expected<LandmarksAnswer> solve_run(const LandmarksOptions& options, const std::
     return failure(StatusCode::kInvalidArgument,
                    fmt::format("{}: is missing; the run's scans have no poses", (run->folder() / "poses").string()));
   }
-  const Expected<FinalResult> solved = run->solve(run->edits().graph, options.loops, options.progress);
+  const EditList edits = run->edits();
+  const Expected<FinalResult> solved = run->solve(edits.graph, options.loops, options.progress);
   if (!solved) return failure(solved.error());
   const Expected<std::unique_ptr<PoseSpool>> poses = PoseSpool::open(run->folder() / "poses");
   if (!poses) return failure(poses.error());
@@ -313,7 +311,7 @@ Expected<LandmarksAnswer> solve_run(const LandmarksOptions& options, const std::
   }
   const RunOutputs outputs{.folder = out,
                            .name = std::filesystem::absolute(run->folder()).lexically_normal().filename().string(),
-                           .subtitle = fmt::format("submapd {}, {} edits", kVersion, run->edits().edits.size()),
+                           .subtitle = fmt::format("submapd {}, {} edits", kVersion, edits.edits.size()),
                            .mapper = options.configuration.mapper,
                            .raster_bytes = options.configuration.map_raster_bytes,
                            .result = *solved,
@@ -330,7 +328,7 @@ Expected<LandmarksAnswer> solve_run(const LandmarksOptions& options, const std::
                                        [](const Loop& loop) { return loop.state == LoopState::kConfirmed; });
   return LandmarksAnswer{
       fmt::format("{} sub-maps, {} ties between distant ones, {} of them by hand\nmap: {}\n", solved->submaps.size(),
-                  confirmed, run->edits().graph.ties.size(), (out / "map.png").string()),
+                  confirmed, edits.graph.ties.size(), (out / "map.png").string()),
       true};
 }
 

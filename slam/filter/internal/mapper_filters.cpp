@@ -31,11 +31,8 @@ Eigen::Matrix3d covariance_of(const Eigen::Matrix3d& information, double kappa, 
 
 void Mapper::Impl::set_prior(Particle& p, double step_s) const {
   PredictedMotion motion = predict(p, step_s);
-  if (odometry_delta) {
-    if (slow()) motion.sigma += kOdometryStamp;
-  } else if (slow()) {
-    motion.sigma = usual_sigma(motion.sigma, step_s);
-  }
+  if (slow())
+    motion.sigma = odometry_delta ? Eigen::Vector3d(motion.sigma + kOdometryStamp) : usual_sigma(motion.sigma, step_s);
   p.prior.pose = compose(p.pose, motion.delta);
   p.prior.information = motion_information(motion, p.prior.pose.yaw);
   p.prior.weak = {};
@@ -101,7 +98,7 @@ void Mapper::Impl::apply_match(Particle& p, double step_s, std::uint64_t scan_in
 }
 
 KnownFit Mapper::Impl::filter_by_matching(const Scan& scan, double step_s, std::optional<CorrelativeResult>& found) {
-  watch_degeneracy(step_s, slow());
+  watch_degeneracy(step_s);
   for_each_particle([&](Particle& p, std::uint64_t) {
     set_prior(p, step_s);
     p.match = registration.match(view_of(p), p.prior.pose, p.prior);
@@ -134,8 +131,8 @@ KnownFit Mapper::Impl::filter_by_matching(const Scan& scan, double step_s, std::
   return fit;
 }
 
-void Mapper::Impl::watch_degeneracy(double step_s, bool low_rate) {
-  if (odometry_delta || low_rate) {
+void Mapper::Impl::watch_degeneracy(double step_s) {
+  if (odometry_delta || slow()) {
     degeneracy.reset();
     return;
   }

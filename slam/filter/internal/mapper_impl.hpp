@@ -85,7 +85,7 @@ struct Mapper::Impl {
   // `found` is set to the last wide search's result, if one was needed.
   KnownFit filter_by_matching(const Scan& scan, double step_s, std::optional<CorrelativeResult>& found);
   // Odometry holds the direction that the walls do not, and a twist from a slow log is no match for it: no latch then.
-  void watch_degeneracy(double step_s, bool low_rate);
+  void watch_degeneracy(double step_s);
   // Of the particle's motion along the weak axis.
   void set_axial_speed(Particle& p, double speed_m_s) const;
   // p.twist from the motion that brought it from `from` to its pose; `before` is the twist until then.

@@ -27,15 +27,25 @@ std::vector<std::uint32_t> nearest_keyframes(const SubmapRecord& submap, const E
   return all;
 }
 
+// How far a pose is from where it was measured.
+struct Strain {
+  double off_m = 0.0;
+  double sigmas = 0.0;
+};
+
+Strain strain(const Pose2& seen, const UncertainPose& measured) {
+  const Pose2 off{seen.x - measured.mean.x, seen.y - measured.mean.y, seen.yaw - measured.mean.yaw};
+  return {off.translation().norm(), std::sqrt(mahalanobis2(off, measured.covariance))};
+}
+
 TieStress stress(std::uint32_t a, std::uint32_t b, const UncertainPose& measured,
                  const std::vector<SubmapPose>& poses) {
-  const Pose2 seen = between(poses[a].map_from_submap, poses[b].map_from_submap);
-  const Pose2 off{seen.x - measured.mean.x, seen.y - measured.mean.y, seen.yaw - measured.mean.yaw};
+  const Strain s = strain(between(poses[a].map_from_submap, poses[b].map_from_submap), measured);
   TieStress stress;
   stress.a = a;
   stress.b = b;
-  stress.off_m = off.translation().norm();
-  stress.sigmas = std::sqrt(mahalanobis2(off, measured.covariance));
+  stress.off_m = s.off_m;
+  stress.sigmas = s.sigmas;
   return stress;
 }
 
@@ -109,15 +119,13 @@ std::vector<SuspectPair> suspects_of(const GraphModel& model, const PairTools& t
       found.erase({match.a, match.b});
       continue;
     }
-    const UncertainPose measured = model.measured(record);
-    const Pose2 seen = between(model.poses[match.a], model.poses[match.b]);
-    const Pose2 off{seen.x - measured.mean.x, seen.y - measured.mean.y, seen.yaw - measured.mean.yaw};
+    const Strain s = strain(between(model.poses[match.a], model.poses[match.b]), model.measured(record));
     SuspectPair& suspect = found[{match.a, match.b}];
     suspect.a = match.a;
     suspect.b = match.b;
     suspect.kind = SuspectPair::Kind::kPending;
-    suspect.effect_m = off.translation().norm();
-    suspect.sigmas = std::sqrt(mahalanobis2(off, measured.covariance));
+    suspect.effect_m = s.off_m;
+    suspect.sigmas = s.sigmas;
   }
   for (const TieStress& tie : ties) {
     if (tie.sigmas * tie.sigmas < kChi2Conflict) continue;
