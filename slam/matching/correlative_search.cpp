@@ -42,6 +42,23 @@ float CorrelativeSearch::score(const DistanceView& field, int u, int v, std::siz
   return sum / static_cast<float>(cells_.size());
 }
 
+// Most nodes of a wide window are far from good enough, which a part of the points shows.
+void CorrelativeSearch::push_top_node(const DistanceView& field, int angle, int u, int v, float least) {
+  constexpr std::size_t kBunch = 8;
+  const auto& table = table_[kTopLevel];
+  constexpr int kHalf = side_of(kTopLevel) / 2;
+  const float penalty = this->penalty(angle, u, v, side_of(kTopLevel));
+  const float needed = (least + penalty) * static_cast<float>(cells_.size());
+  float sum = 0.0F;
+  for (std::size_t i = 0; i < cells_.size();) {
+    const std::size_t end = std::min(i + kBunch, cells_.size());
+    for (; i < end; ++i) sum += table[field.at({cells_[i].ix + u + kHalf, cells_[i].iy + v + kHalf})];
+    if (sum + static_cast<float>(cells_.size() - i) < needed) return;
+  }
+  nodes_.push_back({sum / static_cast<float>(cells_.size()) - penalty, static_cast<std::int16_t>(angle),
+                    static_cast<std::int16_t>(u), static_cast<std::int16_t>(v)});
+}
+
 // Smallest loss to the motion prior over the node.
 float CorrelativeSearch::penalty(int angle, int u, int v, int side) const {
   const auto nearest = [side](int low) { return low > 0 ? low : std::min(0, low + side - 1); };
@@ -151,8 +168,7 @@ CorrelativeResult CorrelativeSearch::search(std::span<const ScanPoint> points, d
     for (int v = -half_v_; v <= half_v_; v += side) {
       for (int u = -half_u_; u <= half_u_; u += side) {
         if (nodes_.size() == nodes_.capacity()) break;
-        nodes_.push_back({score(field, u, v, kTopLevel) - penalty(angle, u, v, side), static_cast<std::int16_t>(angle),
-                          static_cast<std::int16_t>(u), static_cast<std::int16_t>(v)});
+        push_top_node(field, angle, u, v, static_cast<float>(window.least_score));
       }
     }
   }
@@ -161,17 +177,19 @@ CorrelativeResult CorrelativeSearch::search(std::span<const ScanPoint> points, d
     if (a.angle != b.angle) return a.angle < b.angle;
     return a.v != b.v ? a.v < b.v : a.u < b.u;
   });
-  const Leaf best = best_leaf(field, -1.0F, nullptr);
+  const auto least = static_cast<float>(window.least_score);
+  const Leaf best = best_leaf(field, least, nullptr);
   result.complete = expansions_left_ >= 0;
+  if (best.score <= least) return result;
   const auto pose_of = [&](const Leaf& leaf) {
     return Pose2{centre.x + leaf.u * cell_m, centre.y + leaf.v * cell_m, centre.yaw + leaf.angle * yaw_step_rad_};
   };
   result.pose = pose_of(best);
   result.score = static_cast<double>(best.score + penalty(best.angle, best.u, best.v, 1));
-  const float half_of_best = 0.5F * best.score;
-  const Leaf second = best_leaf(field, half_of_best, &best);
+  const float share_of_best = std::max(static_cast<float>(options_.second_share) * best.score, least);
+  const Leaf second = best_leaf(field, share_of_best, &best);
   result.complete = result.complete && expansions_left_ >= 0;
-  if (second.score > half_of_best) {
+  if (second.score > share_of_best) {
     result.second_pose = pose_of(second);
     result.second_score = static_cast<double>(second.score + penalty(second.angle, second.u, second.v, 1));
   }

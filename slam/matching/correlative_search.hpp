@@ -18,6 +18,7 @@ struct SearchWindow {
   double half_x_m = 0.3;  // map frame, about the centre
   double half_y_m = 0.3;
   double half_yaw_rad = 0.175;
+  double least_score = -1.0;  // poses that score less, with what the prior takes off, are not looked at
 };
 
 struct CorrelativeOptions {
@@ -26,14 +27,15 @@ struct CorrelativeOptions {
   int max_nodes = 30000;         // coarse nodes of one search; wider windows take coarser angles
   int max_expansions = 40000;    // nodes opened for one peak: bounds the time on scans that fit nowhere
   double prior_weight = 0.05;    // score lost at the window's edge: breaks ties towards the prediction
+  double second_share = 0.5;     // of the best score: what a second peak has at least
   double peak_distance_m = 0.3;  // second peak: at least this far from the first ...
   double peak_distance_rad = 0.0524;
 };
 
 struct CorrelativeResult {
   Pose2 pose;
-  double score = 0.0;         // mean K in [0, 1]
-  double second_score = 0.0;  // of the best pose away from the best; 0 if below half of it
+  double score = 0.0;         // mean K in [0, 1]; 0 if no pose has the least one
+  double second_score = 0.0;  // of the best pose away from the best; 0 if below its share of it
   Pose2 second_pose;
   bool complete = true;  // false: the budget ended the search, a better pose may exist
 };
@@ -61,6 +63,7 @@ class CorrelativeSearch {
   };
   void rotate(int angle);
   [[nodiscard]] float score(const DistanceView& field, int u, int v, std::size_t level) const;
+  void push_top_node(const DistanceView& field, int angle, int u, int v, float least);
   [[nodiscard]] float penalty(int angle, int u, int v, int side) const;
   void descend(const DistanceView& field, int u, int v, std::size_t level, int angle, Leaf& best, const Leaf* apart);
   [[nodiscard]] bool near_peak(const Leaf& peak, int angle, int u, int v, int side) const;

@@ -13,12 +13,17 @@ constexpr double kTurn_rad_s = 2.0;
 constexpr double kLeast_m = 0.5;
 constexpr double kLeast_rad = 0.35;
 constexpr double kMost_m = 10.0;
-constexpr double kFar_m = 5.0;  // sets the step of angles: 5 cm at this distance, which the descent then refines
+constexpr double kNear_m = 1.0;  // it is looked for here first
+constexpr double kFar_m = 3.0;   // sets the step of angles: 5 cm at this distance, which the descent then refines
 constexpr double kSector_rad = 0.35;
 constexpr int kNodes = 200'000;
-// Few, for a quick answer over 20 m x 20 m x 360 deg: all points judge what is found.
-constexpr int kExpansions = 20'000;
+// Few, for a quick answer over 20 m x 20 m x 360 deg: all points judge what is found. The mapper works on no scan
+// meanwhile, and on one processor nobody else works at all.
+constexpr int kExpansions = 4'000;
 constexpr int kPoints = 40;
+// Of a place worth a match: true ones have 0.7 and more, where a scan fits nowhere the best has 0.5. The two shares
+// below ask for some 0.35 and judge by all points.
+constexpr double kLeastScore = 0.4;
 constexpr double kKnown = 0.5;    // share of the scan that must lie on known ground ...
 constexpr double kMatched = 0.7;  // ... and of that, what must fit
 constexpr double kWeak_m = 0.5;
@@ -52,21 +57,29 @@ std::optional<MatchResult> relocalise(const ScanRegistration& scan, const Mapper
   wide.max_nodes = kNodes;
   wide.max_expansions = kExpansions;
   wide.max_points = kPoints;
+  wide.second_share = options.ambiguous_ratio;
   CorrelativeSearch search(wide);
+  std::vector<Place> places;
   SearchWindow window;
+  window.least_score = kLeastScore;
+  const auto look = [&](double yaw_rad) {
+    const CorrelativeResult found = search.search(scan.points().thinned(), kFar_m, view.field, options.map.cell_m,
+                                                  {last.x, last.y, yaw_rad}, window);
+    if (found.score <= 0.0) return;
+    places.push_back({found.pose, found.score});
+    if (found.second_score > 0.0) places.push_back({found.second_pose, found.second_score});
+    window.least_score = std::max(window.least_score, options.ambiguous_ratio * found.score);
+  };
+  // What is found near makes the rest quick: that must only be looked at for places about as good.
+  window.half_x_m = window.half_y_m = kNear_m;
+  window.half_yaw_rad = kSector_rad;
+  look(last.yaw);
   window.half_x_m = window.half_y_m = std::min(kLeast_m + kSpeed_m_s * std::max(gap_s, 0.0), kMost_m);
   const double turn_rad = std::min(kLeast_rad + kTurn_rad_s * std::max(gap_s, 0.0), std::numbers::pi);
   const int sectors = std::max(static_cast<int>(std::ceil(turn_rad / kSector_rad)), 1);
   window.half_yaw_rad = turn_rad / sectors;
-
-  std::vector<Place> places;
-  for (int i = 0; i < sectors; ++i) {
-    const Pose2 centre{last.x, last.y, last.yaw - turn_rad + (2 * i + 1) * window.half_yaw_rad};
-    const CorrelativeResult found =
-        search.search(scan.points().thinned(), kFar_m, view.field, options.map.cell_m, centre, window);
-    places.push_back({found.pose, found.score});
-    if (found.second_score > 0.0) places.push_back({found.second_pose, found.second_score});
-  }
+  for (int i = 0; i < sectors; ++i) look(last.yaw - turn_rad + (2 * i + 1) * window.half_yaw_rad);
+  if (places.empty()) return std::nullopt;
   const Place best =
       *std::max_element(places.begin(), places.end(), [](const Place& a, const Place& b) { return a.score < b.score; });
   const MatchResult match = scan.match(view, best.pose, weak_prior(best.pose));

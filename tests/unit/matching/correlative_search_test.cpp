@@ -199,6 +199,23 @@ TEST(CorrelativeSearchTest, ASymmetricRoomHasASecondPeak) {
   EXPECT_TRUE(is_at(result.second_pose, -0.1, 0.05, turned)) << result.second_pose.x << " " << result.second_pose.yaw;
 }
 
+TEST(CorrelativeSearchTest, ALeastScoreLosesNothingThatHasIt) {
+  const World world = furnished_room();
+  const RoomMap map(world, tour());
+  const Pose2 truth{0.37, -0.22, 0.41};
+  const std::vector<ScanPoint> points = exact_scan(world, truth, 181);
+  CorrelativeSearch search({});
+  const Pose2 centre{0.1, 0.1, 0.3};
+  SearchWindow window{0.5, 0.5, 0.35};
+  const CorrelativeResult all = search.search(points, 5.0, map.field(), kCell_m, centre, window);
+  window.least_score = 0.8 * all.score;
+  const CorrelativeResult some = search.search(points, 5.0, map.field(), kCell_m, centre, window);
+  EXPECT_EQ(some.pose, all.pose);
+  EXPECT_EQ(some.score, all.score);
+  window.least_score = all.score;
+  EXPECT_EQ(search.search(points, 5.0, map.field(), kCell_m, centre, window).score, 0.0);
+}
+
 // With few nodes the angles get coarser, but the window stays whole: its last angles too.
 TEST(CorrelativeSearchTest, CoarseAnglesCoverTheWholeWindow) {
   const World world = furnished_room();
