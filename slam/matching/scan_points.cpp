@@ -8,6 +8,8 @@ namespace {
 
 constexpr float kVoxel_m = 0.10F;  // surface cell the density weight refers to
 constexpr double kMixedPixelJump_m = 0.10;
+constexpr float kApart_m = 0.3F;  // neighbouring points farther apart belong to different things
+constexpr float kSmall_m = 1.0F;
 
 // Slope of the surface between two neighbouring beams against the ray, from their ranges.
 double slope_angle(double range, double neighbour, double step_rad) {
@@ -123,7 +125,24 @@ void ScanPoints::assign(const Scan& scan, const Twist2& twist) {
     const float spacing = std::hypot(next.x - all_[i].x, next.y - all_[i].y);
     all_[i].weight = std::sqrt(std::clamp(spacing / kVoxel_m, 0.02F, 1.0F));
   }
+  mark_alone();
   thin();
+}
+
+void ScanPoints::mark_alone() {
+  std::size_t first = 0;
+  for (std::size_t i = 0; i + 1 < all_.size(); ++i) {
+    const ScanPoint& p = all_[i];
+    const ScanPoint& next = all_[i + 1];
+    if (std::hypot(next.x - p.x, next.y - p.y) < kApart_m) continue;
+    const ScanPoint& begin = all_[first];
+    const bool in_front =
+        first > 0 && all_[first - 1].range_m > begin.range_m + kApart_m && next.range_m > p.range_m + kApart_m;
+    if (in_front && std::hypot(p.x - begin.x, p.y - begin.y) < kSmall_m) {
+      for (std::size_t k = first; k <= i; ++k) all_[k].alone = true;
+    }
+    first = i + 1;
+  }
 }
 
 void ScanPoints::thin() {

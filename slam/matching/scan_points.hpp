@@ -29,6 +29,7 @@ struct ScanPoint {
   float view_y = 0.0F;
   float range_m = 0.0F;
   float weight = 1.0F;  // for all-beam sums: near, dense walls must not drown far ones
+  bool alone = false;   // of something small in front of all that is seen beside it: it may walk
 };
 
 class ScanPoints {
@@ -52,6 +53,7 @@ class ScanPoints {
 
  private:
   void update_table(const ScanGeometry& geometry, std::size_t beams);
+  void mark_alone();
   void thin();
 
   ScanPointOptions options_;

@@ -36,6 +36,8 @@ void Mapper::Impl::start_in_front(const Scan& scan) {
   degeneracy.reset();
   axial.reset();
   last_covariance.setZero();
+  scan_covariance.setZero();
+  axial_growth.setZero();
   last_keyframe_covariance.setZero();
   lost_scans = 0;
   lost_time_s = 0.0;
@@ -60,6 +62,9 @@ void Mapper::Impl::hand_over(FinishReason reason) {
   set.change_frame(back_from_front);
   degeneracy.change_frame(back_from_front.yaw);
   last_covariance = turned(last_covariance, back_from_front.yaw);
+  scan_covariance = turned(scan_covariance, back_from_front.yaw);
+  const Eigen::Matrix2d turn = rotation(back_from_front.yaw);
+  axial_growth = turn * axial_growth * turn.transpose();
   last_keyframe_covariance = turned(last_keyframe_covariance, back_from_front.yaw);
 }
 
@@ -79,8 +84,11 @@ void Mapper::Impl::hand_over_if_full() {
 void Mapper::Impl::insert_keyframe(const Scan& scan) {
   const Pose2 before = set.tree().node(set.best().node).pose;
   // Both ends were matched to the same map: the step is as uncertain as the two matches.
-  const Eigen::Matrix3d step = turned(last_keyframe_covariance + last_covariance, -before.yaw);
-  last_keyframe_covariance = last_covariance;
+  Eigen::Matrix3d step = last_keyframe_covariance + scan_covariance;
+  step.topLeftCorner<2, 2>() += axial_growth;
+  step = turned(step, -before.yaw);
+  last_keyframe_covariance = scan_covariance;
+  axial_growth.setZero();
   set.insert_keyframe(scan, unwarp_twist(), registration.points().beams(), registration.points().origin(), step,
                       degenerate_since_keyframe);
   degenerate_since_keyframe = degeneracy.active();
@@ -190,7 +198,8 @@ void Mapper::Impl::pick_up(const Scan& scan, double gap_s, ScanReport& report, K
   p.match = *found;
   p.pose = p.mode = found->pose;
   note_seen(scan);
-  p.covariance = last_covariance = covariance_of(found->information, options.covariance_kappa, Eigen::Matrix3d::Zero());
+  p.covariance = last_covariance = scan_covariance =
+      covariance_of(found->information, options.covariance_kappa, Eigen::Matrix3d::Zero());
   fit = registration.fit(view, p.pose);
   lost_scans = 0;
   lost_time_s = 0.0;

@@ -35,13 +35,13 @@ struct DriveOptions {
   bool odometry = false;
 };
 
-inline Drive drive_in_office(const DriveOptions& wanted) {
+inline Drive drive_through(const tools::World& world, const tools::Route& route, const DriveOptions& wanted) {
   tools::MotionOptions motion_options;
   motion_options.seed = wanted.seed;
   motion_options.duration_s = wanted.duration_s;
   motion_options.speed_m_s = wanted.speed_m_s;
   motion_options.standstill_s = wanted.standstill_s;
-  Expected<tools::Motion> motion = tools::Motion::along(tools::office_tour(), motion_options);
+  Expected<tools::Motion> motion = tools::Motion::along(route, motion_options);
   EXPECT_TRUE(motion.has_value());
   tools::SimulatorOptions options;
   options.seed = wanted.seed;
@@ -50,7 +50,7 @@ inline Drive drive_in_office(const DriveOptions& wanted) {
   if (wanted.odometry) {
     options.odometry = tools::OdometryOptions{};
   }
-  tools::Simulator simulator(std::make_shared<const tools::World>(tools::office_world()),
+  tools::Simulator simulator(std::make_shared<const tools::World>(world),
                              std::make_shared<const tools::Motion>(std::move(*motion)), options);
   Drive drive;
   while (std::optional<Scan> scan = simulator.next()) {
@@ -58,6 +58,10 @@ inline Drive drive_in_office(const DriveOptions& wanted) {
     drive.scans.push_back(std::move(*scan));
   }
   return drive;
+}
+
+inline Drive drive_in_office(const DriveOptions& wanted) {
+  return drive_through(tools::office_world(), tools::office_tour(), wanted);
 }
 
 // Straight ahead and through turns of 90 and 180 deg at up to 3 m/s.

@@ -387,5 +387,32 @@ INSTANTIATE_TEST_SUITE_P(AllFilters, MapperThreadsTest,
                                                                            : "fastslam";
                          });
 
+// Two poses far down a blank corridor share what nobody knows of the way there: the step between them is known.
+TEST(MapperTest, StepsInABlankCorridorAreSurerThanThePlace) {
+  std::vector<tools::Segment> walls{{{-60.0, -1.2}, {60.0, -1.2}}, {{-60.0, 1.2}, {60.0, 1.2}}};
+  for (const double x : {-58.0, -55.0, -52.0, -49.0, -46.0}) walls.push_back({{x, -1.2}, {x, -0.8}});
+  const tools::World world(walls);
+  tools::Route route;
+  route.waypoints = {{-58.0, 0.0}, {-20.0, 0.0}};
+  const Drive drive = drive_through(world, route, {20.0, 2.0, 1.0, 3, 1081});
+  const MapperRun run = run_mapper(drive.scans);
+  double steps_m2 = 0.0;
+  double widest_m = 0.0;
+  for (const FinishedSubmap& submap : run.submaps) {
+    for (const Keyframe& keyframe : submap.keyframes) {
+      if (!keyframe.degenerate || keyframe.scan_index < 100) continue;
+      widest_m = std::max(widest_m, std::sqrt(keyframe.step_covariance(0, 0)));
+      steps_m2 += keyframe.step_covariance(0, 0);
+    }
+  }
+  const ScanReport& last = run.reports.back();
+  ASSERT_TRUE(last.degenerate);
+  const double place_m = std::sqrt(last.covariance.topLeftCorner<2, 2>().trace());
+  EXPECT_GT(place_m, 2.0);
+  EXPECT_LT(widest_m, 0.3 * place_m);
+  EXPECT_GT(std::sqrt(steps_m2), 0.7 * place_m) << "together they are as unsure as the place";
+  EXPECT_LT(std::sqrt(steps_m2), 2.0 * place_m);
+}
+
 }  // namespace
 }  // namespace submapd

@@ -190,6 +190,10 @@ TEST(CorridorTest, OnlyWhatFacesAWeakAxisSpeaksAlongIt) {
   EXPECT_NEAR(found.match.pose.x, truth.x, 0.002);
   EXPECT_NEAR(found.match.pose.y, truth.y, 0.002);
 
+  std::vector<ScanPoint> people = points;
+  for (ScanPoint& p : people) p.alone = true;
+  EXPECT_EQ(line_system(people, map.map.surface(), kExactStep_rad, prior.pose, {along}, {}).axial_information, 0.0);
+
   LineMatcherOptions careful;
   careful.standing_scans = 1000;  // more scans than there were: as many as there were must do
   EXPECT_GT(line_system(points, map.map.surface(), kExactStep_rad, prior.pose, {along}, careful).axial_information,

@@ -161,6 +161,27 @@ TEST(ScanPointsTest, VeilsAreFreeButNoHitsAndCornersStay) {
   EXPECT_EQ(points.all().size(), grazing.size());
 }
 
+TEST(ScanPointsTest, WhatStandsBeforeAllBesideItIsAlone) {
+  ScanPoints points({}, 1081);
+  const auto alone = [&](std::vector<std::uint16_t> ranges) {
+    points.assign(still(std::move(ranges)), {});
+    std::string marks;
+    for (const ScanPoint& p : points.all()) marks += p.alone ? 'x' : '.';
+    return marks;
+  };
+  EXPECT_EQ(alone({4000, 4000, 2000, 2010, 2000, 4000, 4000}), "..xxx..") << "somebody in the corridor";
+  EXPECT_EQ(alone({4000, 4000, 2000, 0, 2000, 4000, 4000}), "..xx..");
+  EXPECT_EQ(alone({4000, 4000, 3880, 3880, 4000, 4000}), "......") << "a pilaster";
+  EXPECT_EQ(alone({2000, 2000, 2000, 4000, 4000}), ".....") << "the end of a wall";
+  EXPECT_EQ(alone({3000, 3000, 2000, 2000, 4000, 4000, 2500, 2500}), "..xx....")
+      << "what it hides part of, and the last";
+  std::vector<std::uint16_t> wide(240, 2000);  // 2 m across
+  wide.insert(wide.begin(), 2, 4000);
+  wide.insert(wide.end(), 2, 4000);
+  EXPECT_EQ(alone(wide), std::string(wide.size(), '.'));
+  EXPECT_EQ(alone({}), "");
+}
+
 TEST(ScanPointsTest, ViewsAndWeights) {
   ScanPoints points({}, 1081);
   points.assign(still(std::vector<std::uint16_t>(1081, 2000)), {});
