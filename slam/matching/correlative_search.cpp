@@ -7,6 +7,7 @@ namespace submapd {
 namespace {
 
 constexpr std::size_t kTopLevel = 3;
+constexpr float kAny = 0.0F;  // no mean of K is below it
 
 constexpr int side_of(std::size_t level) {
   return 1 << level;
@@ -33,30 +34,20 @@ void CorrelativeSearch::rotate(int angle) {
 }
 
 // Mean of K over the points for the node whose offsets are [u, u + side) x [v, v + side): an upper bound, exact at
-// level 0.
-float CorrelativeSearch::score(const DistanceView& field, int u, int v, std::size_t level) const {
+// level 0. Where a part of the points shows that it is below `least`, so is what is returned.
+float CorrelativeSearch::score(const DistanceView& field, int u, int v, std::size_t level, float least) const {
+  constexpr std::size_t kBunch = 8;
   const auto& table = table_[level];
   const int half = side_of(level) / 2;  // the node's centre; its offsets are within (side / 2) * sqrt(2) of it
-  float sum = 0.0F;
-  for (const CellIndex& cell : cells_) sum += table[field.at({cell.ix + u + half, cell.iy + v + half})];
-  return sum / static_cast<float>(cells_.size());
-}
-
-// Most nodes of a wide window are far from good enough, which a part of the points shows.
-void CorrelativeSearch::push_top_node(const DistanceView& field, int angle, int u, int v, float least) {
-  constexpr std::size_t kBunch = 8;
-  const auto& table = table_[kTopLevel];
-  constexpr int kHalf = side_of(kTopLevel) / 2;
-  const float penalty = this->penalty(angle, u, v, side_of(kTopLevel));
-  const float needed = (least + penalty) * static_cast<float>(cells_.size());
+  const auto n = static_cast<float>(cells_.size());
   float sum = 0.0F;
   for (std::size_t i = 0; i < cells_.size();) {
     const std::size_t end = std::min(i + kBunch, cells_.size());
-    for (; i < end; ++i) sum += table[field.at({cells_[i].ix + u + kHalf, cells_[i].iy + v + kHalf})];
-    if (sum + static_cast<float>(cells_.size() - i) < needed) return;
+    for (; i < end; ++i) sum += table[field.at({cells_[i].ix + u + half, cells_[i].iy + v + half})];
+    const float at_most = sum + static_cast<float>(cells_.size() - i);
+    if (at_most < least * n) return at_most / n;
   }
-  nodes_.push_back({sum / static_cast<float>(cells_.size()) - penalty, static_cast<std::int16_t>(angle),
-                    static_cast<std::int16_t>(u), static_cast<std::int16_t>(v)});
+  return sum / n;
 }
 
 // Smallest loss to the motion prior over the node.
@@ -91,7 +82,7 @@ void CorrelativeSearch::descend(const DistanceView& field, int u, int v, std::si
     const int cv = v + (k >> 1) * side;
     if (cu > half_u_ || cv > half_v_) continue;
     if (apart != nullptr && near_peak(*apart, angle, cu, cv, side)) continue;
-    const float bound = score(field, cu, cv, level - 1) - penalty(angle, cu, cv, side);
+    const float bound = score(field, cu, cv, level - 1, kAny) - penalty(angle, cu, cv, side);
     if (bound <= best.score) continue;
     children[n++] = {bound, cu, cv};
   }
@@ -162,13 +153,18 @@ CorrelativeResult CorrelativeSearch::search(std::span<const ScanPoint> points, d
   peak_cells_ = static_cast<int>(options_.peak_distance_m / cell_m);
   peak_angles_ = static_cast<int>(options_.peak_distance_rad / yaw_step_rad_);
 
+  const auto least = static_cast<float>(window.least_score);
   nodes_.clear();
   for (int angle = -angles_; angle <= angles_; ++angle) {
     rotate(angle);
     for (int v = -half_v_; v <= half_v_; v += side) {
       for (int u = -half_u_; u <= half_u_; u += side) {
         if (nodes_.size() == nodes_.capacity()) break;
-        push_top_node(field, angle, u, v, static_cast<float>(window.least_score));
+        const float loss = penalty(angle, u, v, side);
+        const float bound = score(field, u, v, kTopLevel, least + loss) - loss;
+        if (bound < least) continue;
+        nodes_.push_back(
+            {bound, static_cast<std::int16_t>(angle), static_cast<std::int16_t>(u), static_cast<std::int16_t>(v)});
       }
     }
   }
@@ -177,7 +173,6 @@ CorrelativeResult CorrelativeSearch::search(std::span<const ScanPoint> points, d
     if (a.angle != b.angle) return a.angle < b.angle;
     return a.v != b.v ? a.v < b.v : a.u < b.u;
   });
-  const auto least = static_cast<float>(window.least_score);
   const Leaf best = best_leaf(field, least, nullptr);
   result.complete = expansions_left_ >= 0;
   if (best.score <= least) return result;

@@ -62,8 +62,7 @@ class CorrelativeSearch {
     int v = 0;
   };
   void rotate(int angle);
-  [[nodiscard]] float score(const DistanceView& field, int u, int v, std::size_t level) const;
-  void push_top_node(const DistanceView& field, int angle, int u, int v, float least);
+  [[nodiscard]] float score(const DistanceView& field, int u, int v, std::size_t level, float least) const;
   [[nodiscard]] float penalty(int angle, int u, int v, int side) const;
   void descend(const DistanceView& field, int u, int v, std::size_t level, int angle, Leaf& best, const Leaf* apart);
   [[nodiscard]] bool near_peak(const Leaf& peak, int angle, int u, int v, int side) const;

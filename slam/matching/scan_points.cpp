@@ -9,7 +9,7 @@ namespace {
 constexpr float kVoxel_m = 0.10F;  // surface cell the density weight refers to
 constexpr double kMixedPixelJump_m = 0.10;
 constexpr float kApart_m = 0.3F;  // neighbouring points farther apart belong to different things
-constexpr float kSmall_m = 1.0F;
+constexpr float kSmall_m = 1.0F;  // across, at most, is who may walk
 
 // Slope of the surface between two neighbouring beams against the ray, from their ranges.
 double slope_angle(double range, double neighbour, double step_rad) {

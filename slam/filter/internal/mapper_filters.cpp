@@ -213,14 +213,12 @@ void Mapper::Impl::learn_motion(const Scan& scan, const Pose2& before, double st
 }
 
 void Mapper::Impl::note_covariance(double step_s) {
-  last_covariance = scan_covariance = posterior_covariance();
+  last_covariance = posterior_covariance();
   const double lost_before_m2 = std::exchange(axial_lost_m2, 0.0);
   if (!degeneracy.active()) return;
   const Eigen::Vector2d a = degeneracy.axis();
-  const Eigen::Matrix2d along = a * a.transpose();
   axial_lost_m2 = degeneracy.axial_variance_m2();
-  axial_growth += std::max(axial_lost_m2 - lost_before_m2, 0.0) * along;
-  last_covariance.topLeftCorner<2, 2>() += axial_lost_m2 * along;
+  axial_growth += std::max(axial_lost_m2 - lost_before_m2, 0.0) * (a * a.transpose());
   counters.degenerate_s += step_s;
   degenerate_since_keyframe = true;
 }

@@ -161,8 +161,7 @@ struct Mapper::Impl {
   std::int64_t tracked_us = 0;  // of the last scan whose place is known
   std::int64_t seen_us = 0;     // of the last scan that saw enough to be followed
   Twist2 last_twist;
-  Eigen::Matrix3d last_covariance = Eigen::Matrix3d::Zero();  // with what was lost along an axis that nothing holds ...
-  Eigen::Matrix3d scan_covariance = Eigen::Matrix3d::Zero();  // ... and without
+  Eigen::Matrix3d last_covariance = Eigen::Matrix3d::Zero();  // without what is lost along an axis that nothing holds
   // Lost along that axis since the last key-frame: what two poses share of it is none of the step's between them.
   Eigen::Matrix2d axial_growth = Eigen::Matrix2d::Zero();
   double axial_lost_m2 = 0.0;  // until the last scan

@@ -36,7 +36,6 @@ void Mapper::Impl::start_in_front(const Scan& scan) {
   degeneracy.reset();
   axial.reset();
   last_covariance.setZero();
-  scan_covariance.setZero();
   axial_growth.setZero();
   last_keyframe_covariance.setZero();
   lost_scans = 0;
@@ -62,7 +61,6 @@ void Mapper::Impl::hand_over(FinishReason reason) {
   set.change_frame(back_from_front);
   degeneracy.change_frame(back_from_front.yaw);
   last_covariance = turned(last_covariance, back_from_front.yaw);
-  scan_covariance = turned(scan_covariance, back_from_front.yaw);
   const Eigen::Matrix2d turn = rotation(back_from_front.yaw);
   axial_growth = turn * axial_growth * turn.transpose();
   last_keyframe_covariance = turned(last_keyframe_covariance, back_from_front.yaw);
@@ -84,10 +82,10 @@ void Mapper::Impl::hand_over_if_full() {
 void Mapper::Impl::insert_keyframe(const Scan& scan) {
   const Pose2 before = set.tree().node(set.best().node).pose;
   // Both ends were matched to the same map: the step is as uncertain as the two matches.
-  Eigen::Matrix3d step = last_keyframe_covariance + scan_covariance;
+  Eigen::Matrix3d step = last_keyframe_covariance + last_covariance;
   step.topLeftCorner<2, 2>() += axial_growth;
   step = turned(step, -before.yaw);
-  last_keyframe_covariance = scan_covariance;
+  last_keyframe_covariance = last_covariance;
   axial_growth.setZero();
   set.insert_keyframe(scan, unwarp_twist(), registration.points().beams(), registration.points().origin(), step,
                       degenerate_since_keyframe);
@@ -198,8 +196,7 @@ void Mapper::Impl::pick_up(const Scan& scan, double gap_s, ScanReport& report, K
   p.match = *found;
   p.pose = p.mode = found->pose;
   note_seen(scan);
-  p.covariance = last_covariance = scan_covariance =
-      covariance_of(found->information, options.covariance_kappa, Eigen::Matrix3d::Zero());
+  p.covariance = last_covariance = covariance_of(found->information, options.covariance_kappa, Eigen::Matrix3d::Zero());
   fit = registration.fit(view, p.pose);
   lost_scans = 0;
   lost_time_s = 0.0;
@@ -251,7 +248,11 @@ void Mapper::Impl::fill_report(ScanReport& report, const KnownFit& fit) const {
   report.keyframe_scan_index = last_keyframe_index;
   report.keyframe_from_base = since_keyframe();
   report.covariance = last_covariance;
-  report.entropy = entropy_of(last_covariance);
+  if (degeneracy.active()) {
+    const Eigen::Vector2d a = degeneracy.axis();
+    report.covariance.topLeftCorner<2, 2>() += degeneracy.axial_variance_m2() * (a * a.transpose());
+  }
+  report.entropy = entropy_of(report.covariance);
   report.particles = static_cast<int>(set.size());
   report.n_eff = single() ? 1.0 : n_eff;
   report.degenerate = degeneracy.active();

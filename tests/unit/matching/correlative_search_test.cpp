@@ -163,11 +163,20 @@ TEST(CorrelativeSearchTest, BoundAllowsForTheRoundingOfBothCells) {
   EXPECT_NEAR(result.score, all.best([](const Exhaustive::Offset&) { return true; }), kFloat);
 }
 
+struct SeenRoom {
+  World world = furnished_room();
+  RoomMap map{world, tour()};
+  Pose2 truth{0.37, -0.22, 0.41};
+  std::vector<ScanPoint> points = exact_scan(world, truth, 181);
+};
+
+const SeenRoom& seen_room() {
+  static const SeenRoom kRoom;
+  return kRoom;
+}
+
 TEST(CorrelativeSearchTest, FindsTheTruthInARoom) {
-  const World world = furnished_room();
-  const RoomMap map(world, tour());
-  const Pose2 truth{0.37, -0.22, 0.41};
-  const std::vector<ScanPoint> points = exact_scan(world, truth, 181);
+  const auto& [world, map, truth, points] = seen_room();
   CorrelativeSearch search({});
   for (const auto& [x, y, yaw] : {Pose2{0.45, -0.3, 0.3}, Pose2{-0.45, 0.4, -0.3}, Pose2{0.0, 0.0, 0.0}}) {
     const Pose2 centre{truth.x + x, truth.y + y, truth.yaw + yaw};
@@ -200,10 +209,7 @@ TEST(CorrelativeSearchTest, ASymmetricRoomHasASecondPeak) {
 }
 
 TEST(CorrelativeSearchTest, ALeastScoreLosesNothingThatHasIt) {
-  const World world = furnished_room();
-  const RoomMap map(world, tour());
-  const Pose2 truth{0.37, -0.22, 0.41};
-  const std::vector<ScanPoint> points = exact_scan(world, truth, 181);
+  const auto& [world, map, truth, points] = seen_room();
   CorrelativeSearch search({});
   const Pose2 centre{0.1, 0.1, 0.3};
   SearchWindow window{0.5, 0.5, 0.35};
@@ -218,10 +224,7 @@ TEST(CorrelativeSearchTest, ALeastScoreLosesNothingThatHasIt) {
 
 // With few nodes the angles get coarser, but the window stays whole: its last angles too.
 TEST(CorrelativeSearchTest, CoarseAnglesCoverTheWholeWindow) {
-  const World world = furnished_room();
-  const RoomMap map(world, tour());
-  const Pose2 truth{0.37, -0.22, 0.41};
-  const std::vector<ScanPoint> points = exact_scan(world, truth, 181);
+  const auto& [world, map, truth, points] = seen_room();
   CorrelativeOptions options;
   options.max_nodes = 100;  // four a angle: 25 angles
   CorrelativeSearch search(options);
