@@ -31,13 +31,16 @@ void DegeneracyMonitor::update(const Eigen::Matrix3d& information, int associate
   const Eigen::Matrix2d block = information.topLeftCorner<2, 2>();
   Weakness found = weakness(block);
   double turn_rad_m = 0.0;
-  if (found.ratio >= options_.enter_ratio) {
+  if (found.ratio >= options_.round_ratio) {
     // Round corridors: every wall holds the cart's way straight ahead, none its way round.
     const Eigen::Vector2d cross = information.topRightCorner<2, 1>();
     const double of_yaw = std::max(information(2, 2), 1e-9);
     const Weakness round = weakness(block - cross * cross.transpose() / of_yaw);
-    turn_rad_m = -cross.dot(round.axis) / of_yaw;
-    if (round.ratio < options_.enter_ratio && std::abs(turn_rad_m) > options_.least_turn_rad_m) found = round;
+    const double turn = -cross.dot(round.axis) / of_yaw;
+    if (round.ratio < options_.round_ratio && std::abs(turn) > options_.least_turn_rad_m) {
+      found = round;
+      turn_rad_m = turn;
+    }
   }
   const double ratio = found.ratio;
   if (ratio < options_.enter_ratio) {

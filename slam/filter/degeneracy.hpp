@@ -9,8 +9,9 @@
 namespace submapd {
 
 struct DegeneracyOptions {
-  double enter_ratio = 0.02;  // smaller to larger eigenvalue of the translation block, noise floor taken off
-  double leave_ratio = 0.06;
+  double enter_ratio = 0.1;  // smaller to larger eigenvalue of the translation block, noise floor taken off
+  double leave_ratio = 0.2;
+  double round_ratio = 0.02;          // below it the way round goes before the way straight ahead
   double least_turn_rad_m = 0.03;     // of a round corridor: radius of 33 m at most
   int leave_scans = 8;                // in a row
   double normal_noise_share = 0.005;  // of the trace: what normals off by 4 deg pretend to know

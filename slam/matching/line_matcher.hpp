@@ -21,7 +21,7 @@ struct LineMatcherOptions {
   double cauchy_sigmas = 2.0;
   double kappa = 8.0;
   double facing = 0.25;    // share of a weak motion that moves the wall across itself: more than normals err
-  int standing_scans = 3;  // hit by fewer, it may be a person who walks, and tells nothing along a weak axis
+  int standing_scans = 2;  // hit by fewer, it may be a person who walks, and tells nothing along a weak axis
   double stop_m = 0.0002;
   double stop_rad = 0.00005;
 };

@@ -31,10 +31,11 @@ void lose(DegeneracyMonitor& monitor) {
 }
 
 TEST(DegeneracyMonitorTest, EntersAtOnceAndKnowsTheAxis) {
-  DegeneracyMonitor monitor{DegeneracyOptions{}};
-  monitor.update(information(0.021, 0.7), 500, kStep_s);
+  const DegeneracyOptions options;
+  DegeneracyMonitor monitor(options);
+  monitor.update(information(1.05 * options.enter_ratio, 0.7), 500, kStep_s);
   EXPECT_FALSE(monitor.weak());
-  monitor.update(information(0.019, 0.7), 500, kStep_s);
+  monitor.update(information(0.95 * options.enter_ratio, 0.7), 500, kStep_s);
   ASSERT_TRUE(monitor.weak());
   EXPECT_NEAR(std::abs(monitor.axis().dot(Eigen::Vector2d(std::cos(0.7), std::sin(0.7)))), 1.0, 1e-6);
   EXPECT_NEAR(monitor.axis().norm(), 1.0, 1e-9);
@@ -53,14 +54,16 @@ TEST(DegeneracyMonitorTest, StaysBetweenTheThresholdsAndLeavesAfterEightGoodScan
   const DegeneracyOptions options;
   DegeneracyMonitor monitor(options);
   monitor.update(information(0.01, 0.0), 500, kStep_s);
-  for (int k = 0; k < 100; ++k) monitor.update(information(0.05, 0.0), 500, kStep_s);
-  EXPECT_TRUE(monitor.weak()) << "0.05 is between 0.02 and 0.06";
-  for (int k = 0; k < options.leave_scans - 1; ++k) monitor.update(information(0.07, 0.0), 500, kStep_s);
+  const double between = 0.5 * (options.enter_ratio + options.leave_ratio);
+  const double good = 1.05 * options.leave_ratio;
+  for (int k = 0; k < 100; ++k) monitor.update(information(between, 0.0), 500, kStep_s);
   EXPECT_TRUE(monitor.weak());
-  monitor.update(information(0.05, 0.0), 500, kStep_s);  // breaks the row
-  for (int k = 0; k < options.leave_scans - 1; ++k) monitor.update(information(0.07, 0.0), 500, kStep_s);
+  for (int k = 0; k < options.leave_scans - 1; ++k) monitor.update(information(good, 0.0), 500, kStep_s);
   EXPECT_TRUE(monitor.weak());
-  monitor.update(information(0.07, 0.0), 500, kStep_s);
+  monitor.update(information(between, 0.0), 500, kStep_s);  // breaks the row
+  for (int k = 0; k < options.leave_scans - 1; ++k) monitor.update(information(good, 0.0), 500, kStep_s);
+  EXPECT_TRUE(monitor.weak());
+  monitor.update(information(good, 0.0), 500, kStep_s);
   EXPECT_FALSE(monitor.weak());
   EXPECT_EQ(monitor.axial_variance_m2(), 0.0);
 }
@@ -124,9 +127,10 @@ TEST(DegeneracyMonitorTest, VarianceAlongTheAxisGrowsAsDocumented) {
 }
 
 TEST(DegeneracyMonitorTest, TheAxisFollowsTheCorridorAndTheFrame) {
-  DegeneracyMonitor monitor{DegeneracyOptions{}};
+  const DegeneracyOptions options;
+  DegeneracyMonitor monitor(options);
   monitor.update(information(0.01, 0.0), 500, kStep_s);
-  monitor.update(information(0.05, 0.3), 500, kStep_s);
+  monitor.update(information(1.05 * options.enter_ratio, 0.3), 500, kStep_s);
   EXPECT_NEAR(std::abs(monitor.axis().x()), 1.0, 1e-6) << "not sure enough to turn the axis";
   monitor.update(information(0.01, 0.3), 500, kStep_s);
   EXPECT_NEAR(std::abs(monitor.axis().y()), std::sin(0.3), 1e-6);
@@ -155,6 +159,17 @@ TEST(DegeneracyMonitorTest, InARoundCorridorItIsTheWayRoundThatIsWeak) {
   monitor.update(round_walls({0.0, 14.0}, {12.7, 15.3}, -half - 0.6, -half + 0.6), 500, kStep_s);
   ASSERT_TRUE(monitor.weak());
   EXPECT_NEAR(std::abs(monitor.axis().x()), 1.0, 1e-3);
+  EXPECT_NEAR(monitor.turn_rad_m() * monitor.axis().x(), 1.0 / 14.0, 1e-3);
+}
+
+// Straight ahead it is nearly as weak: a motion along that axis would lead into the wall.
+TEST(DegeneracyMonitorTest, TheWayRoundGoesBeforeTheWayAhead) {
+  DegeneracyOptions options;
+  options.enter_ratio = 0.9;
+  DegeneracyMonitor monitor(options);
+  const double half = std::numbers::pi / 2.0;
+  monitor.update(round_walls({0.0, 14.0}, {12.7, 15.3}, -half - 0.6, -half + 0.6), 500, kStep_s);
+  ASSERT_TRUE(monitor.weak());
   EXPECT_NEAR(monitor.turn_rad_m() * monitor.axis().x(), 1.0 / 14.0, 1e-3);
 }
 
