@@ -9,9 +9,10 @@
 namespace submapd {
 namespace {
 
-constexpr std::size_t kPauses = 5;  // so many of the window may be gaps, which say nothing of the others
-constexpr double kBurst = 0.25;     // of the mean: faster than a scanner turns
-constexpr double kBursts = 0.1;     // share of such periods
+constexpr std::size_t kPauses = 5;        // so many of the window may be gaps, which say nothing of the others
+constexpr double kBurst = 0.25;           // of the mean: faster than a scanner turns
+constexpr double kBursts = 0.1;           // share of such periods
+constexpr double kFastestTurn_s = 0.004;  // of a scanner
 
 constexpr double kNewest = 0.03;   // share of the newest scan's error in the mean square
 constexpr double kCautious = 2.0;  // a scan may be off by more than scans usually are
@@ -20,6 +21,7 @@ constexpr double kCautious = 2.0;  // a scan may be off by more than scans usual
 
 void PeriodEstimator::add(double period_s) {
   if (!(period_s > 0.0)) return;
+  if (count_ == 0 && period_s < kFastestTurn_s) return;  // a log that begins with a burst
   periods_[count_ % kWindow] = period_s;
   ++count_;
   std::array<double, kWindow> sorted{};

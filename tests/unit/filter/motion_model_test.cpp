@@ -108,14 +108,17 @@ TEST(PeriodEstimatorTest, WhereMostComeInBurstsTheMeanIsThePeriod) {
   EXPECT_LT(period.usual_s(), 0.5);
 }
 
-TEST(PeriodEstimatorTest, AFastBeginningSaysLittle) {
+// The Intel log's first half minute: taken for a fast log, its scans were held to weak axes, and taken for a log of
+// bursts, its next hundred were predicted to stand still.
+TEST(PeriodEstimatorTest, ABurstAtTheBeginningSaysNothing) {
   PeriodEstimator period;
   for (int k = 0; k < 28; ++k) period.add(0.002);
   EXPECT_FALSE(period.bursting());
-  period.add(28.2);
-  period.add(0.94);
-  EXPECT_TRUE(period.bursting());
-  EXPECT_GT(period.usual_s(), 0.06);
+  EXPECT_EQ(period.usual_s(), PeriodEstimator().usual_s());
+  for (int k = 0; k < 20; ++k) {
+    period.add(k == 0 ? 28.2 : 0.94);
+    ASSERT_GT(period.usual_s(), 0.06);
+  }
 }
 
 TEST(PeriodEstimatorTest, NeitherGapsNorMissingScansAreBursts) {
