@@ -6,7 +6,8 @@
 namespace submapd {
 
 LineSystem line_system(std::span<const ScanPoint> points, const SurfaceMap& surface, double angle_step_rad,
-                       const Pose2& pose, const WeakMotion& weak_motion, const LineMatcherOptions& options) {
+                       const Pose2& pose, const WeakMotion& weak_motion, const LineMatcherOptions& options,
+                       LinesOf lines) {
   LineSystem out;
   const int standing = std::min(options.standing_scans, surface.scans());
   const bool weak = weak_motion.any();
@@ -32,7 +33,7 @@ LineSystem line_system(std::span<const ScanPoint> points, const SurfaceMap& surf
     const float y = ty + ry;
     const float vx = c * p.view_x - s * p.view_y;
     const float vy = s * p.view_x + c * p.view_y;
-    const PooledLine* line = surface.find(x, y, vx, vy);
+    const PooledLine* line = lines == LinesOf::kCell ? surface.find(x, y, vx, vy) : surface.find_pooled(x, y, vx, vy);
     if (line == nullptr) continue;
     const float dx = x - line->mean_x;
     const float dy = y - line->mean_y;
@@ -54,7 +55,7 @@ LineSystem line_system(std::span<const ScanPoint> points, const SurfaceMap& surf
       if (weak) {
         // What is taken off leaves a row that does not change with the weak motion.
         const float along = nx * ax + ny * ay + jw * turn;
-        if (std::abs(along) < facing || line->scans < standing || p.alone) {
+        if (!weak_motion.held || std::abs(along) < facing || line->scans < standing || p.alone) {
           jx -= along * ax;
           jy -= along * ay;
         } else {
