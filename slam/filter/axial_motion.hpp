@@ -15,8 +15,7 @@ namespace submapd {
 struct AxialMotionOptions {
   double push_density = 0.4;         // m^2/s^3, of white acceleration: 1 m/s^2 for half a second
   double lost_push_density = 0.05;   // while nothing holds the axis: few beams more likely err than the cart is pushed
-  double least_information = 200.0;  // 1/m^2: less is a handful of beams on normals that err, and leans forward
-  double pushed_s = 4.0;             // both but for a cart that stood so long ago: it was pushed off ...
+  double pushed_s = 2.0;             // ... but for a cart that stood so long ago: it was pushed off ...
   double standing_m_s = 0.3;         // ... and is, until it goes faster
   double lost_speed_sigma = 0.02;    // m/s, at least, when that begins
   double first_sigma_m = 0.003;      // of a pose that walls all around held

@@ -14,9 +14,10 @@ constexpr float kSameSide = -0.17F;         // cosine: views up to 100 deg apart
 constexpr float kLineRatio = 0.1F;          // smaller to larger eigenvalue of a line's scatter
 constexpr float kMinLineSpread_m2 = 4e-4F;  // (2 cm)^2 along a line at least
 constexpr float kMinHitsForLine = 3.0F;
-constexpr float kFewHits = 5.0F;      // make no line of a cell alone
-constexpr float kWider = 1.2F;        // mean square off a line through nine cells over that through one ...
-constexpr float kWider_m2 = 1.6e-5F;  // ... and (4 mm)^2: more is no straight wall
+constexpr float kFewHits = 5.0F;       // make no line of a cell alone
+constexpr float kWider = 1.2F;         // mean square off a line through nine cells over that through one ...
+constexpr float kWider_m2 = 1.6e-5F;   // ... and (4 mm)^2: more is no straight wall
+constexpr float kOfHits_m2 = 1.4e-4F;  // (12 mm)^2: mean square of hits off a wall
 
 float view_agreement(const SurfaceFace& face, float view_x, float view_y) {
   const float norm = std::sqrt(face.view_x * face.view_x + face.view_y * face.view_y);
@@ -97,7 +98,8 @@ PooledLine line_of(const Moments& m, const SurfaceFace& face) {
 // The hits around lie no farther from their line than those of the cell from theirs.
 bool straight(const PooledLine& pooled, const PooledLine& own) {
   if (pooled.kind != SurfaceKind::kLine) return false;
-  const float of_own = own.sigma_m * own.sigma_m * own.count / (own.count - 2.0F);
+  // A cell on whose border the wall lies holds half of its hits, and those lie closer together than hits do.
+  const float of_own = std::max(own.sigma_m * own.sigma_m * own.count / (own.count - 2.0F), kOfHits_m2);
   return pooled.sigma_m * pooled.sigma_m <= kWider * of_own + kWider_m2;
 }
 

@@ -12,7 +12,6 @@ namespace submapd {
 struct WeakMotion {
   Eigen::Vector2d axis = Eigen::Vector2d::Zero();
   double turn_rad_m = 0.0;
-  bool held = true;  // false: what faces it is too little to be more than noise, and does not count either
 
   [[nodiscard]] bool any() const { return axis.squaredNorm() > 0.0; }
   // A pose so far on along it.

@@ -52,7 +52,7 @@ void Mapper::Impl::set_prior(Particle& p, double step_s) const {
             .asDiagonal();
   }
   if (!degeneracy.weak()) return;
-  p.prior.weak = {degeneracy.axis(), degeneracy.turn_rad_m(), degeneracy.axial_information() > 0.0};
+  p.prior.weak = {degeneracy.axis(), degeneracy.turn_rad_m()};
   const Eigen::Vector2d a = degeneracy.axis();
   auto translation = p.prior.information.topLeftCorner<2, 2>();
   // The few beams that face the axis must be able to teach a new speed, which the twist's own Q would not let them. The
@@ -104,11 +104,10 @@ void Mapper::Impl::apply_match(Particle& p, double step_s, std::uint64_t scan_in
   p.pose = {mode.x + d(0), mode.y + d(1), mode.yaw + d(2)};
 }
 
-Pose2 Mapper::Impl::start_along_axis(MotionPrior& prior) const {
+Pose2 Mapper::Impl::start_along_axis(const MotionPrior& prior) const {
   const double sigma_m = std::sqrt(axial_variance_m2);
   if (!degeneracy.active() || sigma_m < kWithinReach_m) return prior.pose;
-  WeakMotion weak = prior.weak;
-  weak.held = true;
+  const WeakMotion& weak = prior.weak;
   const auto information_at = [&](double along_m) {
     return line_system(registration.points().thinned(), window.front().map().surface(),
                        registration.points().angle_step_rad(), weak.moved(prior.pose, along_m), weak,
@@ -124,7 +123,6 @@ Pose2 Mapper::Impl::start_along_axis(MotionPrior& prior) const {
     most = information;
     best_m = k * kSearchStep_m;
   }
-  if (best_m != 0.0) prior.weak.held = true;
   return weak.moved(prior.pose, best_m);
 }
 
@@ -180,10 +178,8 @@ void Mapper::Impl::watch_degeneracy(double step_s) {
   const LineSystem system = look({}, LinesOf::kNeighbourhood);
   degeneracy.update(system.equations.H, system.associated, step_s);
   if (!degeneracy.weak()) return;
-  const WeakMotion weak{degeneracy.axis(), degeneracy.turn_rad_m(), true};
-  const double information = look(weak, LinesOf::kCell).axial_information;
-  // A rolling cart's speed is known better than such rows, a cart that may just be pushed off has nothing else.
-  degeneracy.hold(information > options.axial.least_information || axial.pushed() ? information : 0.0);
+  const WeakMotion weak{degeneracy.axis(), degeneracy.turn_rad_m()};
+  degeneracy.hold(look(weak, LinesOf::kCell).axial_information);
   if (!was_weak) axial.start();
   axial_variance_m2 = axial.predict(step_s, degeneracy.active());
   if (!degeneracy.active() || was_active || !single()) return;
