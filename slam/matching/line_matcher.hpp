@@ -10,7 +10,14 @@
 
 namespace submapd {
 
+// Which lines of the surface map.
+enum class LinesOf {
+  kCell,          // the best there is: what the cart is aligned to
+  kNeighbourhood  // always pooled over 3 x 3 cells: their normals err less, which counts where normals are judged
+};
+
 struct LineMatcherOptions {
+  LinesOf lines = LinesOf::kCell;
   int max_iterations = 4;
   double range_sigma_m = 0.012;     // sigma_r of one range
   double beam_sigma_steps = 0.25;   // sigma of a beam's direction in angle steps
@@ -36,12 +43,6 @@ struct LineMatchResult {
                                           double angle_step_rad, const Pose2& start, const MotionPrior& prior,
                                           const LineMatcherOptions& options);
 
-// Which lines of the surface map.
-enum class LinesOf {
-  kCell,          // the best there is: what the cart is aligned to
-  kNeighbourhood  // always pooled over 3 x 3 cells: their normals err less, which counts where normals are judged
-};
-
 // The system at one pose, without moving it: its translation block tells which direction the walls hold.
 // With a weak motion, only walls that face it say anything about it.
 struct LineSystem {
@@ -51,6 +52,6 @@ struct LineSystem {
 };
 [[nodiscard]] LineSystem line_system(std::span<const ScanPoint> points, const SurfaceMap& surface,
                                      double angle_step_rad, const Pose2& pose, const WeakMotion& weak,
-                                     const LineMatcherOptions& options, LinesOf lines = LinesOf::kCell);
+                                     const LineMatcherOptions& options);
 
 }  // namespace submapd

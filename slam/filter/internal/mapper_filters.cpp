@@ -170,8 +170,10 @@ void Mapper::Impl::watch_degeneracy(double step_s) {
   axial.note_speed(std::hypot(best.twist.vx, best.twist.vy), step_s);
   const Pose2 predicted = compose(best.pose, predict(best, step_s).delta);
   const auto look = [&](const WeakMotion& weak, LinesOf lines) {
+    LineMatcherOptions matcher = options.matcher.lines;
+    matcher.lines = lines;
     return line_system(registration.points().thinned(), window.front().map().surface(),
-                       registration.points().angle_step_rad(), predicted, weak, options.matcher.lines, lines);
+                       registration.points().angle_step_rad(), predicted, weak, matcher);
   };
   const bool was_weak = degeneracy.weak();
   const bool was_active = degeneracy.active();
