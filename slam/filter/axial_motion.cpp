@@ -30,8 +30,12 @@ void AxialMotion::start() {
   covariance_ << options_.first_sigma_m * options_.first_sigma_m, 0.0, 0.0, speed_sigma * speed_sigma;
 }
 
+void AxialMotion::note_speed(double speed_m_s, double step_s) {
+  since_standing_s_ = speed_m_s < options_.standing_m_s ? 0.0 : since_standing_s_ + step_s;
+}
+
 double AxialMotion::predict(double step_s, bool lost) {
-  const double q = lost ? options_.lost_push_density : options_.push_density;
+  const double q = lost && !pushed() ? options_.lost_push_density : options_.push_density;
   const double t = step_s;
   Eigen::Matrix2d F;
   F << 1.0, t, 0.0, 1.0;

@@ -15,6 +15,8 @@ namespace submapd {
 struct AxialMotionOptions {
   double push_density = 0.4;         // m^2/s^3, of white acceleration: 1 m/s^2 for half a second
   double lost_push_density = 0.05;   // while nothing holds the axis: few beams more likely err than the cart is pushed
+  double pushed_s = 2.0;             // ... but for a cart that stood so long ago: it was pushed off ...
+  double standing_m_s = 0.3;         // ... and is, until it goes faster
   double lost_speed_sigma = 0.02;    // m/s, at least, when that begins
   double first_sigma_m = 0.003;      // of a pose that walls all around held
   double first_speed_sigma = 0.05;   // m/s, of a cart that was tracked so far ...
@@ -34,6 +36,10 @@ class AxialMotion {
   // The axis becomes weak: the filter starts from a well held pose.
   void start();
 
+  // Each scan, weak axis or not: the cart's speed.
+  void note_speed(double speed_m_s, double step_s);
+  // It stands or has just set off: its speed is anything.
+  [[nodiscard]] bool pushed() const { return since_standing_s_ < options_.pushed_s; }
   // Time passes; lost: nothing holds the axis. Returns the variance of the predicted position along the axis [m^2].
   double predict(double step_s, bool lost);
   // Beams with this information [1/m^2] were used.
@@ -71,6 +77,7 @@ class AxialMotion {
   Eigen::Matrix2d covariance_ = Eigen::Matrix2d::Identity();
   std::array<Step, 40> steps_;
   std::size_t noted_ = 0;
+  double since_standing_s_ = 1e9;
 };
 
 }  // namespace submapd

@@ -14,6 +14,10 @@ constexpr float kSameSide = -0.17F;         // cosine: views up to 100 deg apart
 constexpr float kLineRatio = 0.1F;          // smaller to larger eigenvalue of a line's scatter
 constexpr float kMinLineSpread_m2 = 4e-4F;  // (2 cm)^2 along a line at least
 constexpr float kMinHitsForLine = 3.0F;
+constexpr float kFewHits = 5.0F;       // make no line of a cell alone
+constexpr float kWider = 1.2F;         // mean square off a line through nine cells over that through one ...
+constexpr float kWider_m2 = 1.6e-5F;   // ... and (4 mm)^2: more is no straight wall
+constexpr float kOfHits_m2 = 1.4e-4F;  // (12 mm)^2: mean square of hits off a wall
 
 float view_agreement(const SurfaceFace& face, float view_x, float view_y) {
   const float norm = std::sqrt(face.view_x * face.view_x + face.view_y * face.view_y);
@@ -28,6 +32,75 @@ int surface_index(float position_m) {
 unsigned octant(float x, float y) {
   if (y >= 0.0F) return x > 0.0F ? (y < x ? 0U : 1U) : (y > -x ? 2U : 3U);
   return x < 0.0F ? (-y < -x ? 4U : 5U) : (-y > x ? 6U : 7U);
+}
+
+// Sums over the hits of several faces, about the centre of one cell.
+struct Moments {
+  float n = 0.0F;
+  float x = 0.0F;
+  float y = 0.0F;
+  float xx = 0.0F;
+  float xy = 0.0F;
+  float yy = 0.0F;
+  std::uint16_t scans = 0;  // of the face that most scans hit
+
+  // dx, dy: cells from that cell to the face's.
+  void add(const SurfaceFace& f, int dx, int dy) {
+    if (f.n <= 0.0F) return;
+    const float ox = static_cast<float>(dx) * static_cast<float>(kSurfaceCell_m);
+    const float oy = static_cast<float>(dy) * static_cast<float>(kSurfaceCell_m);
+    scans = std::max(scans, f.keyframes);
+    n += f.n;
+    x += f.sum_x + f.n * ox;
+    y += f.sum_y + f.n * oy;
+    xx += f.sum_xx + 2.0F * ox * f.sum_x + f.n * ox * ox;
+    xy += f.sum_xy + ox * f.sum_y + oy * f.sum_x + f.n * ox * oy;
+    yy += f.sum_yy + 2.0F * oy * f.sum_y + f.n * oy * oy;
+  }
+};
+
+// Line through them, or a point where they make none; its normal towards who sees the face.
+PooledLine line_of(const Moments& m, const SurfaceFace& face) {
+  PooledLine line;
+  line.count = m.n;
+  line.scans = m.scans;
+  if (m.n < 1.0F) return line;
+  const float mx = m.x / m.n;
+  const float my = m.y / m.n;
+  const float cxx = std::max(m.xx / m.n - mx * mx, 0.0F);
+  const float cyy = std::max(m.yy / m.n - my * my, 0.0F);
+  const float cxy = m.xy / m.n - mx * my;
+  line.mean_x = surface_centre(static_cast<int>(face.cell % kSurfaceSide)) + mx;
+  line.mean_y = surface_centre(static_cast<int>(face.cell / kSurfaceSide)) + my;
+  // Eigenvalues of the 2 x 2 scatter, closed form.
+  const float mean = 0.5F * (cxx + cyy);
+  const float root = std::hypot(0.5F * (cxx - cyy), cxy);
+  const float large = mean + root;
+  const float small = std::max(mean - root, 0.0F);
+  line.half_length_m = std::sqrt(large);
+  if (m.n < kMinHitsForLine || large < kMinLineSpread_m2 || small > kLineRatio * large) {
+    line.kind = SurfaceKind::kPoint;
+    line.sigma_m = std::sqrt(mean);
+    return line;
+  }
+  const float angle = 0.5F * std::atan2(2.0F * cxy, cxx - cyy);  // of the direction along the line
+  line.kind = SurfaceKind::kLine;
+  line.normal_x = -std::sin(angle);
+  line.normal_y = std::cos(angle);
+  if (line.normal_x * face.view_x + line.normal_y * face.view_y < 0.0F) {
+    line.normal_x = -line.normal_x;
+    line.normal_y = -line.normal_y;
+  }
+  line.sigma_m = std::sqrt(small);
+  return line;
+}
+
+// The hits around lie no farther from their line than those of the cell from theirs.
+bool straight(const PooledLine& pooled, const PooledLine& own) {
+  if (pooled.kind != SurfaceKind::kLine) return false;
+  // A cell on whose border the wall lies holds half of its hits, and those lie closer together than hits do.
+  const float of_own = std::max(own.sigma_m * own.sigma_m * own.count / (own.count - 2.0F), kOfHits_m2);
+  return pooled.sigma_m * pooled.sigma_m <= kWider * of_own + kWider_m2;
 }
 
 bool in_surface(int ix, int iy) {
@@ -167,68 +240,19 @@ void SurfaceMap::refresh(SurfaceFace& face) {
   const float norm = std::hypot(face.view_x, face.view_y);
   const float vx = norm > 0.0F ? face.view_x / norm : 0.0F;
   const float vy = norm > 0.0F ? face.view_y / norm : 0.0F;
-  const auto cell = static_cast<float>(kSurfaceCell_m);
-  std::uint16_t scans = 0;
-  float n = 0.0F;
-  float sx = 0.0F;
-  float sy = 0.0F;
-  float sxx = 0.0F;
-  float sxy = 0.0F;
-  float syy = 0.0F;
+  Moments all;
   for (int ny = iy - 1; ny <= iy + 1; ++ny) {
     for (int nx = ix - 1; nx <= ix + 1; ++nx) {
       const std::uint16_t f = find_face(nx, ny, vx, vy);
-      if (f == 0 || faces_[f].n <= 0.0F) continue;
-      const SurfaceFace& g = faces_[f];
-      const float ox = static_cast<float>(nx - ix) * cell;  // shift of the moments to this cell's centre
-      const float oy = static_cast<float>(ny - iy) * cell;
-      n += g.n;
-      scans = std::max(scans, g.keyframes);
-      sx += g.sum_x + g.n * ox;
-      sy += g.sum_y + g.n * oy;
-      sxx += g.sum_xx + 2.0F * ox * g.sum_x + g.n * ox * ox;
-      sxy += g.sum_xy + ox * g.sum_y + oy * g.sum_x + g.n * ox * oy;
-      syy += g.sum_yy + 2.0F * oy * g.sum_y + g.n * oy * oy;
+      if (f != 0) all.add(faces_[f], nx - ix, ny - iy);
     }
   }
+  Moments own;
+  own.add(face, 0, 0);
   face.pending = 0.0F;
-  PooledLine& line = face.pooled;
-  line.count = n;
-  line.scans = scans;
-  if (n < 1.0F) {
-    line.kind = SurfaceKind::kNone;
-    return;
-  }
-  const float mx = sx / n;
-  const float my = sy / n;
-  const float cxx = std::max(sxx / n - mx * mx, 0.0F);
-  const float cyy = std::max(syy / n - my * my, 0.0F);
-  const float cxy = sxy / n - mx * my;
-  line.mean_x = surface_centre(ix) + mx;
-  line.mean_y = surface_centre(iy) + my;
-  // Eigenvalues of the 2 x 2 scatter, closed form.
-  const float mean = 0.5F * (cxx + cyy);
-  const float root = std::hypot(0.5F * (cxx - cyy), cxy);
-  const float large = mean + root;
-  const float small = std::max(mean - root, 0.0F);
-  line.half_length_m = std::sqrt(large);
-  if (n < kMinHitsForLine || large < kMinLineSpread_m2 || small > kLineRatio * large) {
-    line.kind = SurfaceKind::kPoint;
-    line.normal_x = line.normal_y = 0.0F;
-    line.sigma_m = std::sqrt(mean);
-    return;
-  }
-  const float angle = 0.5F * std::atan2(2.0F * cxy, cxx - cyy);  // of the direction along the line
-  float nx = -std::sin(angle);
-  float ny = std::cos(angle);
-  if (nx * face.view_x + ny * face.view_y < 0.0F) {
-    nx = -nx;
-    ny = -ny;
-  }
-  line.kind = SurfaceKind::kLine;
-  line.normal_x = nx;
-  line.normal_y = ny;
-  line.sigma_m = std::sqrt(small);
+  face.pooled = line_of(all, face);
+  face.own = own.n < kFewHits ? PooledLine{} : line_of(own, face);
+  if (straight(face.pooled, face.own)) face.own.kind = SurfaceKind::kNone;
 }
 
 void SurfaceMap::forget(double x_m, double y_m) {
@@ -252,13 +276,12 @@ void SurfaceMap::forget(double x_m, double y_m) {
   }
 }
 
-const PooledLine* SurfaceMap::find(float x_m, float y_m, float view_x, float view_y) const {
+const SurfaceFace* SurfaceMap::face_at(float x_m, float y_m, float view_x, float view_y) const {
   const int ix = surface_index(x_m);
   const int iy = surface_index(y_m);
   if (!in_surface(ix, iy)) return nullptr;
   const std::uint16_t f = find_face(ix, iy, view_x, view_y);
-  if (f == 0 || faces_[f].pooled.kind == SurfaceKind::kNone) return nullptr;
-  return &faces_[f].pooled;
+  return f == 0 ? nullptr : &faces_[f];
 }
 
 std::size_t SurfaceMap::bytes_used() const {

@@ -2,9 +2,11 @@
 //
 // A face holds the hits of one cell that were seen from one side (a thin wall seen from both rooms has two faces), as
 // count, sum and scatter about the cell's centre, plus the *pooled* line through the faces of the 3 x 3 cells around
-// it: pooling keeps a wall on a cell border from being split and biased. Cells next to a hit have a face without hits
-// of their own, so that a point beside the wall finds its line in O(1). Fixed pools; when they are full new cells are
-// refused and counted. Reading is thread-safe while nobody inserts.
+// it: pooling keeps a wall on a cell border from being split and biased. Where those nine hold no straight wall but a
+// corner or a jamb, their line is none that a beam hits, and its slant pushes the cart by millimetres a metre; the
+// cell's own hits make the line there. Cells next to a hit have a face without hits of their own, so that a point
+// beside the wall finds its line in O(1). Fixed pools; when they are full new cells are refused and counted. Reading is
+// thread-safe while nobody inserts.
 #pragma once
 
 #include <array>
@@ -49,13 +51,16 @@ struct SurfaceFace {
   float sum_yy = 0.0F;
   float view_x = 0.0F;  // mean direction towards the sensor, not normalised
   float view_y = 0.0F;
-  PooledLine pooled;
-  float pending = 0.0F;            // hits in the 3 x 3 cells since `pooled` was computed
+  PooledLine pooled;               // of the 3 x 3 cells
+  PooledLine own;                  // of this cell alone; kNone where `pooled` says as much or there are few hits
+  float pending = 0.0F;            // hits in the 3 x 3 cells since the lines were computed
   std::uint32_t cell = 0;          // iy * kSurfaceSide + ix
   std::uint16_t other = 0;         // the cell's next face; 0: none
   std::uint16_t keyframes = 0;     // scans that hit it; saturates
   std::uint16_t touched_scan = 0;  // marks faces hit by the scan being inserted
   std::uint8_t view_sectors = 0;
+
+  [[nodiscard]] const PooledLine& line() const { return own.kind == SurfaceKind::kNone ? pooled : own; }
 };
 
 struct SurfaceHit {
@@ -75,8 +80,16 @@ class SurfaceMap {
   // Forgets the hits in the surface cell at (x, y): its fine cells have been seen free.
   void forget(double x_m, double y_m);
 
-  // Pooled line near (x, y) as seen from direction `view` (unit, towards the sensor); nullptr if there is none.
-  [[nodiscard]] const PooledLine* find(float x_m, float y_m, float view_x, float view_y) const;
+  // Line near (x, y) as seen from direction `view` (unit, towards the sensor); nullptr if there is none.
+  [[nodiscard]] const PooledLine* find(float x_m, float y_m, float view_x, float view_y) const {
+    const SurfaceFace* face = face_at(x_m, y_m, view_x, view_y);
+    return face != nullptr && face->line().kind != SurfaceKind::kNone ? &face->line() : nullptr;
+  }
+  // The same of the 3 x 3 cells, whatever they hold.
+  [[nodiscard]] const PooledLine* find_pooled(float x_m, float y_m, float view_x, float view_y) const {
+    const SurfaceFace* face = face_at(x_m, y_m, view_x, view_y);
+    return face != nullptr && face->pooled.kind != SurfaceKind::kNone ? &face->pooled : nullptr;
+  }
 
   // Faces in use, in order of creation (index 0 is not one).
   [[nodiscard]] std::span<const SurfaceFace> faces() const { return {faces_.data(), used_faces_}; }
@@ -93,6 +106,8 @@ class SurfaceMap {
   // Face of the cell that agrees with the view, made if there is room; 0 if not.
   std::uint16_t ensure_face(int ix, int iy, float view_x, float view_y);
   [[nodiscard]] std::uint16_t find_face(int ix, int iy, float view_x, float view_y) const;
+  // nullptr if there is none.
+  [[nodiscard]] const SurfaceFace* face_at(float x_m, float y_m, float view_x, float view_y) const;
   void refresh(SurfaceFace& face);
 
   std::vector<SurfaceFace> faces_;

@@ -32,7 +32,8 @@ LineSystem line_system(std::span<const ScanPoint> points, const SurfaceMap& surf
     const float y = ty + ry;
     const float vx = c * p.view_x - s * p.view_y;
     const float vy = s * p.view_x + c * p.view_y;
-    const PooledLine* line = surface.find(x, y, vx, vy);
+    const PooledLine* line =
+        options.lines == LinesOf::kCell ? surface.find(x, y, vx, vy) : surface.find_pooled(x, y, vx, vy);
     if (line == nullptr) continue;
     const float dx = x - line->mean_x;
     const float dy = y - line->mean_y;

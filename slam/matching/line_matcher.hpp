@@ -10,7 +10,14 @@
 
 namespace submapd {
 
+// Which lines of the surface map.
+enum class LinesOf {
+  kCell,          // the best there is: what the cart is aligned to
+  kNeighbourhood  // always pooled over 3 x 3 cells: their normals err less, which counts where normals are judged
+};
+
 struct LineMatcherOptions {
+  LinesOf lines = LinesOf::kCell;
   int max_iterations = 4;
   double range_sigma_m = 0.012;     // sigma_r of one range
   double beam_sigma_steps = 0.25;   // sigma of a beam's direction in angle steps

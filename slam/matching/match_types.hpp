@@ -14,6 +14,10 @@ struct WeakMotion {
   double turn_rad_m = 0.0;
 
   [[nodiscard]] bool any() const { return axis.squaredNorm() > 0.0; }
+  // A pose so far on along it.
+  [[nodiscard]] Pose2 moved(const Pose2& pose, double along_m) const {
+    return {pose.x + along_m * axis.x(), pose.y + along_m * axis.y(), pose.yaw + along_m * turn_rad_m};
+  }
 };
 
 // Where the motion model expects the scan, and how firmly: covariance Q in the map frame (x, y, yaw), as information.

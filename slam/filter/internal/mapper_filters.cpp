@@ -17,6 +17,13 @@ constexpr double kShortGap_s = 0.15;  // scans are missing: a descent from the p
 constexpr int kPlaces = 2;            // a particle each
 constexpr double kMoved_m = 0.01;     // less is standing: weights of a standing cart count the same evidence again
 constexpr double kMoved_rad = 0.0087;
+constexpr double kWithinReach_m = 0.05;  // the matcher finds a wall that is off by so much
+constexpr double kSearchStep_m = 0.04;   // along an axis that nothing held
+constexpr double kSearchSigmas = 2.5;
+constexpr double kFarthest_m = 1.2;
+constexpr double kFound = 1e4;     // information [1/m^2] of a place that is one ...
+constexpr double kMuchMore = 1.5;  // ... and over that of the prediction
+constexpr double kAlong = 4.0;     // square of the speed over that aside: beyond, the cart goes along the axis
 
 // Of (x, y, yaw): in recorded logs odometry was seldom read just when the scan was taken.
 const Eigen::Vector3d kOdometryStamp(0.03, 0.03, 0.03);
@@ -97,11 +104,33 @@ void Mapper::Impl::apply_match(Particle& p, double step_s, std::uint64_t scan_in
   p.pose = {mode.x + d(0), mode.y + d(1), mode.yaw + d(2)};
 }
 
+Pose2 Mapper::Impl::start_along_axis(const MotionPrior& prior) const {
+  const double sigma_m = std::sqrt(axial_variance_m2);
+  if (!degeneracy.active() || sigma_m < kWithinReach_m) return prior.pose;
+  const WeakMotion& weak = prior.weak;
+  const auto information_at = [&](double along_m) {
+    return line_system(registration.points().thinned(), window.front().map().surface(),
+                       registration.points().angle_step_rad(), weak.moved(prior.pose, along_m), weak,
+                       options.matcher.lines)
+        .axial_information;
+  };
+  const int steps = static_cast<int>(std::min(kSearchSigmas * sigma_m, kFarthest_m) / kSearchStep_m);
+  double most = std::max(kMuchMore * information_at(0.0), kFound);
+  double best_m = 0.0;
+  for (int k = -steps; k <= steps; ++k) {
+    const double information = information_at(k * kSearchStep_m);
+    if (information <= most) continue;
+    most = information;
+    best_m = k * kSearchStep_m;
+  }
+  return weak.moved(prior.pose, best_m);
+}
+
 KnownFit Mapper::Impl::filter_by_matching(const Scan& scan, double step_s, std::optional<CorrelativeResult>& found) {
   watch_degeneracy(step_s);
   for_each_particle([&](Particle& p, std::uint64_t) {
     set_prior(p, step_s);
-    p.match = registration.match(view_of(p), p.prior.pose, p.prior);
+    p.match = registration.match(view_of(p), start_along_axis(p.prior), p.prior);
   });
   // Serial: the search has one scratch store.
   KnownFit fit;
@@ -138,18 +167,21 @@ void Mapper::Impl::watch_degeneracy(double step_s) {
   }
   if (!adaptive() && !single()) return;
   const Particle& best = set.best();
+  axial.note_speed(std::hypot(best.twist.vx, best.twist.vy), step_s);
   const Pose2 predicted = compose(best.pose, predict(best, step_s).delta);
-  const auto look = [&](const WeakMotion& weak) {
+  const auto look = [&](const WeakMotion& weak, LinesOf lines) {
+    LineMatcherOptions matcher = options.matcher.lines;
+    matcher.lines = lines;
     return line_system(registration.points().thinned(), window.front().map().surface(),
-                       registration.points().angle_step_rad(), predicted, weak, options.matcher.lines);
+                       registration.points().angle_step_rad(), predicted, weak, matcher);
   };
   const bool was_weak = degeneracy.weak();
   const bool was_active = degeneracy.active();
-  const LineSystem system = look({});
+  const LineSystem system = look({}, LinesOf::kNeighbourhood);
   degeneracy.update(system.equations.H, system.associated, step_s);
   if (!degeneracy.weak()) return;
   const WeakMotion weak{degeneracy.axis(), degeneracy.turn_rad_m()};
-  degeneracy.hold(look(weak).axial_information);
+  degeneracy.hold(look(weak, LinesOf::kCell).axial_information);
   if (!was_weak) axial.start();
   axial_variance_m2 = axial.predict(step_s, degeneracy.active());
   if (!degeneracy.active() || was_active || !single()) return;
@@ -177,7 +209,14 @@ void Mapper::Impl::learn_twist_of(Particle& p, const Twist2& before, const Pose2
   if (!degeneracy.weak()) return;
   const Eigen::Vector2d a = degeneracy.axis();
   const double limit_m_s = options.motion.max_speed_m_s;
-  const double predicted_m_s = a.dot(rotation(p.prior.pose.yaw) * Eigen::Vector2d(before.vx, before.vy));
+  // The cart keeps its speed, not its share along the axis: scan by scan that loses the cosine of what its direction is
+  // off, a per cent in a corridor of 200 m.
+  const Eigen::Vector2d velocity(p.twist.vx, p.twist.vy);
+  const double along_m_s = a.dot(rotation(p.prior.pose.yaw) * Eigen::Vector2d(before.vx, before.vy));
+  const double aside2 = velocity.squaredNorm() - std::pow(a.dot(rotation(p.pose.yaw) * velocity), 2);
+  const double speed2 = before.vx * before.vx + before.vy * before.vy;
+  const bool goes_along = speed2 > kAlong * aside2;
+  const double predicted_m_s = goes_along ? std::copysign(std::sqrt(speed2 - aside2), along_m_s) : along_m_s;
   const double correction_m = a.dot(p.pose.translation() - p.prior.pose.translation());
   set_axial_speed(p, std::clamp(predicted_m_s + axial.speed_gain() * correction_m, -limit_m_s, limit_m_s));
 }

@@ -83,6 +83,9 @@ struct Mapper::Impl {
   // The improved proposal of one particle: Gaussian about the match (design notes 6.1 b).
   void apply_match(Particle& p, double step_s, std::uint64_t scan_index, std::uint64_t index);
   // `found` is set to the last wide search's result, if one was needed.
+  // Where nothing held the axis for a while, the first thing that does is seldom within the matcher's reach: of the
+  // places along it, the one whose walls hold it best, if any does; the prediction otherwise.
+  [[nodiscard]] Pose2 start_along_axis(const MotionPrior& prior) const;
   KnownFit filter_by_matching(const Scan& scan, double step_s, std::optional<CorrelativeResult>& found);
   // Odometry holds the direction that the walls do not, and a twist from a slow log is no match for it: no latch then.
   void watch_degeneracy(double step_s);

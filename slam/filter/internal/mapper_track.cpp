@@ -212,6 +212,8 @@ void Mapper::Impl::pick_up(const Scan& scan, double gap_s, ScanReport& report, K
 void Mapper::Impl::track(const Scan& scan, double elapsed_s, ScanReport& report, KnownFit& fit) {
   const double step_s = period.bursting() ? std::max(elapsed_s, period.usual_s()) : std::max(elapsed_s, kShortest_s);
   registration.assign(scan, unwarp_twist());
+  // A slow log's few hits make no line of a cell alone.
+  registration.set_lines(slow() ? LinesOf::kNeighbourhood : LinesOf::kCell);
   registration.set_evidence(slow() && !odometry_delta ? kSlowEvidence : 1.0);
   const Pose2 before = set.best().pose;
   const bool elsewhere = shows_another_place(step_s);

@@ -26,7 +26,8 @@ ScanRegistration::ScanRegistration(const MapperOptions& options)
     : options_(options),
       points_(options.points, options.max_beams),
       search_(options.search),
-      likelihood_(options.likelihood, options.map.cell_m) {}
+      likelihood_(options.likelihood, options.map.cell_m),
+      matcher_(options.matcher) {}
 
 bool ScanRegistration::blind() const {
   return points_.thinned().size() < kMinPoints;
@@ -37,7 +38,7 @@ bool ScanRegistration::acceptable(const KnownFit& fit, double good) const {
 }
 
 MatchResult ScanRegistration::match(const MapView& view, const Pose2& start, const MotionPrior& prior) const {
-  return match_scan(points_, view.field, view.map, start, prior, options_.matcher);
+  return match_scan(points_, view.field, view.map, start, prior, matcher_);
 }
 
 KnownFit ScanRegistration::fit(const MapView& view, const Pose2& pose) const {

@@ -87,5 +87,23 @@ TEST(AxialMotionTest, KeepsItsSpeedWhileNothingHoldsItAndSaysHowUnsureItGets) {
   EXPECT_LT(std::sqrt(before), 3.0);
 }
 
+// A rolling cart keeps its speed in a blank corridor. One that stands there is pushed off, and nothing tells when.
+TEST(AxialMotionTest, ACartThatJustStoodIsBelievedToSpeedUp) {
+  const auto variance_after_a_second = [](double speed_m_s, double before_s) {
+    AxialMotion motion{AxialMotionOptions{}};
+    for (int k = 0; k < 40; ++k) motion.note({speed_m_s * kStep_s, 0.0}, kStep_s, 0.0);
+    motion.note_speed(0.0, kStep_s);
+    EXPECT_TRUE(motion.pushed());
+    motion.note_speed(speed_m_s, before_s);
+    motion.go_on(motion.steady(kAhead));
+    double variance = 0.0;
+    for (int k = 0; k < 40; ++k) variance = motion.predict(kStep_s, true);
+    return variance;
+  };
+  const double rolling = variance_after_a_second(1.5, 10.0);
+  EXPECT_GT(variance_after_a_second(1.5, 0.5), 4.0 * rolling) << "set off half a second ago";
+  EXPECT_GT(variance_after_a_second(0.1, 10.0), 4.0 * rolling) << "stands";
+}
+
 }  // namespace
 }  // namespace submapd

@@ -90,6 +90,31 @@ TEST(SurfaceMapTest, PooledLinesAreAtMostATenthBehind) {
   EXPECT_GE(static_cast<double>(line->count), all / 1.1 - 1.0);
 }
 
+// A door stands back by 12 cm behind a jamb at x = 0.5. Nine cells make one slanted line of the three planes.
+TEST(SurfaceMapTest, ACornerKeepsItsTwoWalls) {
+  SurfaceMap map(5000, 50);
+  for (std::uint64_t i = 0; i < 20; ++i) {
+    std::vector<SurfaceHit> hits = wall(kPi / 2.0, 1.06, 0.006, 200, 0.5, 2 * i);  // plain wall, x from -0.5 to 0.5
+    CounterRandom random(2 * i + 1, 1, 2);
+    for (int k = 0; k < 25; ++k) {
+      const double depth = random.uniform(0.0, 0.12);
+      hits.push_back(
+          {static_cast<float>(0.545 + 0.006 * random.gaussian()), static_cast<float>(1.06 - depth), 0.95F, 0.31F});
+    }
+    map.insert(hits);
+  }
+  const PooledLine* plain = map.find(0.25F, 1.05F, 0.0F, 1.0F);
+  ASSERT_NE(plain, nullptr);
+  EXPECT_GT(plain->normal_y, 0.999F);
+  EXPECT_GT(plain->half_length_m, 0.07F) << "where the wall is straight, all nine cells tell its direction";
+  const PooledLine* blended = map.find_pooled(0.45F, 1.05F, 0.6F, 0.8F);
+  ASSERT_NE(blended, nullptr);
+  EXPECT_LT(std::abs(blended->normal_y), 0.99F) << "else this test shows nothing";
+  const PooledLine* beside = map.find(0.45F, 1.05F, 0.6F, 0.8F);
+  ASSERT_NE(beside, nullptr);
+  EXPECT_GT(beside->normal_y, 0.999F);
+}
+
 TEST(SurfaceMapTest, ThinWallHasTwoFaces) {
   SurfaceMap map(5000, 50);
   const double sigma = 0.005;

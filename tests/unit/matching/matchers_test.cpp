@@ -200,6 +200,14 @@ TEST(CorridorTest, OnlyWhatFacesAWeakAxisSpeaksAlongIt) {
             0.0);
 }
 
+TEST(WeakMotionTest, RoundACornerItTurnsAsItGoes) {
+  const WeakMotion round{Eigen::Vector2d(0.6, 0.8), 0.07};
+  const Pose2 there = round.moved({1.0, 2.0, 0.3}, -0.5);
+  EXPECT_DOUBLE_EQ(there.x, 0.7);
+  EXPECT_DOUBLE_EQ(there.y, 1.6);
+  EXPECT_DOUBLE_EQ(there.yaw, 0.265);
+}
+
 TEST(FieldMatcherTest, SaturatedPointsDoNotPull) {
   DistanceLayers layers(16, 1);
   const int layer = layers.create();
