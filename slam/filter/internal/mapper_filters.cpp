@@ -90,7 +90,7 @@ void Mapper::Impl::apply_match(Particle& p, double step_s, std::uint64_t scan_in
   p.log_weight += registration.log_posterior(view_of(p), mode, p.prior) +
                   0.5 * std::log(std::max(p.prior.information.determinant(), 1e-30)) +
                   0.5 * std::log(std::max(p.covariance.determinant(), 1e-30));
-  p.twist = learn_twist(p.twist, between(last_mode, mode), step_s, options.motion);
+  p.twist = learn_twist(p.twist, between(last_mode, mode), motion_time_s(step_s), options.motion);
   if (adaptive()) {
     p.pose = mode;  // its particles are few and stand for places, not for the noise about one place
     return;
@@ -147,7 +147,7 @@ KnownFit Mapper::Impl::filter_by_matching(const Scan& scan, double step_s, std::
         ++counters.searches;
         own = registration.fit(view_of(p), p.match.pose);
       };
-      const Eigen::Vector3d widest = predict(p, step_s).sigma;
+      const Eigen::Vector3d widest = predict(p, motion_time_s(step_s)).sigma;
       const Eigen::Vector3d usual = search_anyway ? usual_sigma(widest, step_s) : widest;
       search(usual);
       if (usual != widest && !registration.acceptable(own, good)) search(widest);
@@ -205,7 +205,7 @@ void Mapper::Impl::set_axial_speed(Particle& p, double speed_m_s) const {
 }
 
 void Mapper::Impl::learn_twist_of(Particle& p, const Twist2& before, const Pose2& from, double step_s) const {
-  p.twist = learn_twist(before, between(from, p.pose), step_s, options.motion);
+  p.twist = learn_twist(before, between(from, p.pose), motion_time_s(step_s), options.motion);
   if (!degeneracy.weak()) return;
   const Eigen::Vector2d a = degeneracy.axis();
   const double limit_m_s = options.motion.max_speed_m_s;
@@ -226,7 +226,7 @@ void Mapper::Impl::learn_motion(const Scan& scan, const Pose2& before, double st
   if (fits && single() && slow()) prediction_error.add(between(set.best().prior.pose, set.best().pose));
   const Twist2 last = unwarp_twist();
   if (textbook()) {
-    const Twist2 common = learn_twist(last_twist, delta, step_s, options.motion);
+    const Twist2 common = learn_twist(last_twist, delta, motion_time_s(step_s), options.motion);
     for (Particle& p : set.particles()) p.twist = common;
   } else if (single()) {
     Particle& p = set.particles()[0];

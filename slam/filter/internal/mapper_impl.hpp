@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <cstdint>
 #include <optional>
 #include <span>
@@ -71,6 +72,12 @@ struct Mapper::Impl {
   // What predictions in a slow log are usually off; of_motion in any other.
   [[nodiscard]] Eigen::Vector3d usual_sigma(const Eigen::Vector3d& of_motion, double step_s) const {
     return slow() ? prediction_error.sigma(of_motion, step_s / period.usual_s()) : of_motion;
+  }
+
+  // The time that a motion may have taken: in a slow log a step far shorter than the usual one is a wrong stamp, by which
+  // a slow turn would be one beyond any cart's.
+  [[nodiscard]] double motion_time_s(double step_s) const {
+    return slow() ? std::max(step_s, period.usual_s()) : step_s;
   }
 
   void set_prior(Particle& p, double step_s) const;

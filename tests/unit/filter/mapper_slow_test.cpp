@@ -59,6 +59,19 @@ TEST(MapperSlowTest, AFastBeginningMakesNoFastLog) {
   expect_tracked(drive, 0.02);  // 11 mm
 }
 
+// As in the middle of the Intel log: now and then a scan is stamped a quarter of its time after the one before it. Its
+// motion made a twist beyond any cart's, and the next scan was sought behind the cart.
+TEST(MapperSlowTest, AScanStampedTooEarlyTeachesNoSpeed) {
+  Drive drive = recorded_drive();
+  for (std::size_t i = 3; i < drive.scans.size(); i += 7) {
+    drive.scans[i].stamp_us = drive.scans[i - 1].stamp_us + 100'000;
+  }
+  expect_tracked(drive, 0.02);  // 10 mm
+  for (const FinishedSubmap& submap : run_mapper(drive.scans).submaps) {
+    for (const Keyframe& k : submap.keyframes) EXPECT_LT(std::hypot(k.twist.vx, k.twist.vy), 2.0) << k.scan_index;
+  }
+}
+
 // Scans are missing here and there: a step takes once or twice the period, and its time says which.
 TEST(MapperSlowTest, TracksWithScansMissing) {
   Drive drive = recorded_drive();
