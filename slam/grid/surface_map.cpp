@@ -19,9 +19,12 @@ constexpr float kWider = 1.2F;         // mean square off a line through nine ce
 constexpr float kWider_m2 = 1.6e-5F;   // ... and (4 mm)^2: more is no straight wall
 constexpr float kOfHits_m2 = 1.4e-4F;  // (12 mm)^2: mean square of hits off a wall
 
-float view_agreement(const SurfaceFace& face, float view_x, float view_y) {
-  const float norm = std::sqrt(face.view_x * face.view_x + face.view_y * face.view_y);
-  return norm > 0.0F ? (face.view_x * view_x + face.view_y * view_y) / norm : 1.0F;
+// Whether the view (a unit vector) and the face's look at one side: cosine above kSameSide.
+bool same_side(const SurfaceFace& face, float view_x, float view_y) {
+  const float dot = face.view_x * view_x + face.view_y * view_y;
+  if (dot >= 0.0F) return true;
+  const float square = face.view_x * face.view_x + face.view_y * face.view_y;
+  return dot * dot < kSameSide * kSameSide * square;
 }
 
 int surface_index(float position_m) {
@@ -131,7 +134,7 @@ void SurfaceMap::clear() {
 std::uint16_t SurfaceMap::find_face(int ix, int iy, float view_x, float view_y) const {
   std::uint16_t f = blocks_[directory_[block_index(ix, iy)]].slot[slot_index(ix, iy)];
   while (f != 0) {
-    if (view_agreement(faces_[f], view_x, view_y) > kSameSide) return f;
+    if (same_side(faces_[f], view_x, view_y)) return f;
     f = faces_[f].other;
   }
   return 0;
@@ -149,7 +152,7 @@ std::uint16_t SurfaceMap::ensure_face(int ix, int iy, float view_x, float view_y
   }
   std::uint16_t* link = &blocks_[handle].slot[slot_index(ix, iy)];
   while (*link != 0) {
-    if (view_agreement(faces_[*link], view_x, view_y) > kSameSide) return *link;
+    if (same_side(faces_[*link], view_x, view_y)) return *link;
     link = &faces_[*link].other;
   }
   if (used_faces_ == faces_.size()) {
