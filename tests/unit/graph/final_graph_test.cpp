@@ -132,13 +132,13 @@ TEST(FinalGraph, ALoopMayBeOneEdge) {
   const SimulatedRun run(ring_path(160.0, 2.0), {});
   GraphModel model = model_of(run);
   const TrackGraph open = build_track_graph(model);
-  constexpr std::uint32_t b = 16;  // a lap later
+  constexpr std::uint32_t kLapLater = 16;
   LoopRecord record;
-  record.loop.match = run.refine(*run.submaps()[0], *run.submaps()[b]);
+  record.loop.match = run.refine(*run.submaps()[0], *run.submaps()[kLapLater]);
   record.loop.match.a = 0;
-  record.loop.match.b = b;
+  record.loop.match.b = kLapLater;
   record.loop.state = LoopState::kConfirmed;
-  record.landmarks = run.landmarks(*run.submaps()[0], *run.submaps()[b], record.loop.match);
+  record.landmarks = run.landmarks(*run.submaps()[0], *run.submaps()[kLapLater], record.loop.match);
   model.loops.push_back(record);
   const TrackGraph with_rows = build_track_graph(model);
   EXPECT_EQ(with_rows.chain.size(), open.chain.size());
@@ -148,8 +148,8 @@ TEST(FinalGraph, ALoopMayBeOneEdge) {
   EXPECT_EQ(graph.chain.size(), open.chain.size() + 1);
   EXPECT_EQ(graph.sights.size(), open.sights.size());
   ASSERT_TRUE(solve_track_graph(graph));
-  const Pose2 a_from_b =
-      between(graph.track[graph.first_of_submap[0]].map_from_base, graph.track[graph.first_of_submap[b]].map_from_base);
+  const Pose2 a_from_b = between(graph.track[graph.first_of_submap[0]].map_from_base,
+                                 graph.track[graph.first_of_submap[kLapLater]].map_from_base);
   EXPECT_LT(between(record.loop.match.a_from_b, a_from_b).translation().norm(), 0.1);
 }
 
