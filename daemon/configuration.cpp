@@ -158,7 +158,7 @@ std::vector<Key> keys_of(Configuration& c) {
   add("keyframe", "turn", "rad", 0.005, 1, &m.keyframe_rad, "or this turn");
   add("keyframe", "wait", "s", 0.1, 60, &m.keyframe_s, "or this time with a little motion");
   add("submap", "path", "m", 2, 200, &m.limits.path_m, "a sub-map is full after this path");
-  add("submap", "keyframes", "", 10, 2000, &m.limits.keyframes, "or this many key-frames");
+  add("submap", "keyframes", "", 10, 20'000, &m.limits.keyframes, "or this many key-frames");
   add("submap", "extent", "m", 5, 150, &m.limits.extent_m, "or this extent of the path");
   add("submap", "turn", "rad", 1, 100, &m.limits.heading_rad, "or this much turning");
   add("map", "cell", "m", 0.01, 0.5, &m.map.cell_m, "side of a grid cell");
@@ -176,6 +176,15 @@ std::vector<Key> keys_of(Configuration& c) {
   add("budget", "map_raster", "bytes", 1 << 20, 1e10, &c.map_raster_bytes, "the whole map while it is saved");
   add("experiment", "unwarp", "", 0, 0, &m.unwarp, "false: beams are not moved to the scan's stamp");
   add("experiment", "line_matching", "", 0, 0, &m.matcher.use_lines, "false: stage 2 of the matcher is off");
+  add("experiment", "single_map", "", 0, 0, &m.limits.never_full, "true: the run is one map, no sub-map is ever full");
+  add("experiment", "landmark_rows", "", 0, 0, &c.graph_parts.landmark_rows,
+      "false: a confirmed loop is one relative-pose edge");
+  add("experiment", "contradiction_test", "", 0, 0, &c.graph_parts.contradiction_test,
+      "false: a match of sub-maps may contradict free space");
+  add("experiment", "pairwise_consistency", "", 0, 0, &c.graph_parts.pairwise_consistency,
+      "false: a loop needs no other one that agrees");
+  add("experiment", "robust_loss", "", 0, 0, &c.graph_parts.robust_loss,
+      "false: the final graph is solved by plain squares");
   add("experiment", "slow_mapper", "ms", 0, 1000, &c.daemon.slow_mapper_ms, "the mapper takes this much longer a scan");
   return keys;
 }

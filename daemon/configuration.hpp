@@ -13,6 +13,7 @@
 #include "driver/sensor_roles.hpp"
 #include "slam/base/status.hpp"
 #include "slam/filter/mapper.hpp"
+#include "slam/graph/optimizer.hpp"
 #include "slam/output/point_cloud.hpp"
 
 namespace submapd {
@@ -71,6 +72,7 @@ struct Configuration {
   ButtonConfiguration button;
   HookConfiguration hook;
   MapperOptions mapper;
+  GraphParts graph_parts;
   std::size_t submap_cache_bytes = std::size_t{16} << 20;
   std::size_t graph_bytes = std::size_t{6} << 20;
   std::size_t map_raster_bytes = std::size_t{32} << 20;

@@ -146,6 +146,7 @@ Status LiveRun::add_missing_poses() {
 
 void LiveRun::start_optimizer(const Channels& channels) {
   OptimizerOptions optimizer_options;
+  optimizer_options.parts = configuration_.graph_parts;
   optimizer_options.graph_bytes_limit = configuration_.graph_bytes;
   optimizer_ = std::make_unique<Optimizer>(optimizer_options, *archive_);
   OptimizerThreadOptions thread_options;

@@ -88,8 +88,9 @@ struct MapperCounters {
   std::uint64_t searches = 0;  // correlative
   std::uint64_t breaks = 0;    // sub-maps begun without a link
   std::uint64_t forced_coalescences = 0;
-  std::uint64_t pool_refusals = 0;  // cells or surfaces a full pool did not store
-  bool odometry_rejected = false;   // kAuto found it inconsistent with the matches
+  std::uint64_t pool_refusals = 0;      // cells or surfaces a full pool did not store
+  std::uint64_t keyframes_refused = 0;  // scans that would have been one, but the front had no room
+  bool odometry_rejected = false;       // kAuto found it inconsistent with the matches
   double degenerate_s = 0.0;
 };
 

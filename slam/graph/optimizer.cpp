@@ -68,6 +68,7 @@ struct Optimizer::Impl {
   Impl(const OptimizerOptions& options_in, SubmapSource& source, PairTools tools_in)
       : options(options_in), tools(std::move(tools_in)), archive(source), search(tools, source) {
     for (const auto& [a, b] : options.edits.barred) search.bar(a, b);
+    model.parts = options.parts;
   }
   // A copy that goes on by itself, with another source.
   Impl(const Impl& other, SubmapSource& source)
@@ -304,7 +305,7 @@ Expected<FinalResult> Optimizer::Impl::finish(std::size_t runs) {
   archive.release();  // the solver needs the room
   graph::TrackGraph track = graph::build_track_graph(model);
   const auto start = std::chrono::steady_clock::now();
-  const auto summary = graph::solve_track_graph(track, cancelled.get());
+  const auto summary = graph::solve_track_graph(track, options.parts.robust_loss, cancelled.get());
   const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - start;
   ++counters.solves;
   counters.solve_ms_max = std::max(counters.solve_ms_max, took.count());

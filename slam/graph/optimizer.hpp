@@ -52,8 +52,17 @@ struct GraphEdits {
   std::vector<std::pair<std::uint32_t, std::uint32_t>> barred;  // (a, b), a < b: no loop is sought between them
 };
 
+// [experiment]: parts that are switched off to show what they are worth.
+struct GraphParts {
+  bool landmark_rows = true;         // false: a confirmed loop is one relative-pose edge with its covariance
+  bool contradiction_test = true;    // false: a match may contradict free space
+  bool pairwise_consistency = true;  // false: a loop that the graph does not contradict needs no other one that agrees
+  bool robust_loss = true;           // false: the final graph is solved by plain squares
+};
+
 struct OptimizerOptions {
   bool loops = true;  // false: adjacent sub-maps only (replay --no-loops)
+  GraphParts parts = {};
   // Ties hold from the moment both sub-maps are there, and no policy takes them back.
   GraphEdits edits = {};
   bool suspects = false;  // finish() looks for them

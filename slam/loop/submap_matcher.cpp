@@ -120,7 +120,7 @@ void verify(const MapView& a, const MapView& b, const Alignment& alignment, cons
     match.verdict = MatchVerdict::kSmallOverlap;
   } else if (match.score < options.min_score) {
     match.verdict = MatchVerdict::kLowScore;
-  } else if (match.contradiction > options.max_contradiction) {
+  } else if (options.contradiction_test && match.contradiction > options.max_contradiction) {
     match.verdict = MatchVerdict::kContradiction;
   } else if (!is_symmetric(a, b, alignment, confidence, options)) {
     match.verdict = MatchVerdict::kAsymmetric;

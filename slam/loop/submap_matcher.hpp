@@ -23,6 +23,7 @@ struct SubmapMatcherOptions {
   double min_overlap_m2 = 25.0;
   double min_overlap_share = 0.25;  // of the smaller
   double max_contradiction = 0.06;
+  bool contradiction_test = true;  // [experiment]: off, `max_contradiction` is not asked
   double max_second_peak = 0.80;
   double max_asymmetry_m = 0.03;
   double max_asymmetry_rad = 0.0052;    // 0.3 deg

@@ -53,6 +53,7 @@ void ActiveSubmap::insert(const Pose2& pose, const Scan& scan, const Twist2& twi
 }
 
 double ActiveSubmap::fullness(FinishReason* reason) const {
+  if (limits_.never_full) return 0.0;
   const Eigen::Vector2d size = high_ - low_;
   const struct {
     double share;

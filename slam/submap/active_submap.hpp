@@ -20,6 +20,7 @@ struct SubmapLimits {
   int keyframes = 150;
   int pending_keyframes = 16;  // of particles that do not agree yet: may all come at once, on top of a full sub-map
   int blocks = 350;            // of the pool's 400
+  bool never_full = false;     // [experiment]: the run is one map, as far as its pools and key-frames reach
 };
 
 // A sub-map whose particles disagree may grow this far beyond its limits, on the scale of fullness().

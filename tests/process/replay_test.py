@@ -136,6 +136,19 @@ class ReplayTest(unittest.TestCase):
             self.assertEqual((first / name).read_bytes(), content, name)
         self.assertEqual(sorted(p.name for p in (first / "submaps").iterdir()), submaps)
 
+    def test_a_run_as_one_map_says_what_was_full(self):
+        config = self.folder / "one_map.toml"
+        for keyframes, room in ((100, False), (600, True)):
+            config.write_text(f"[experiment]\nsingle_map = true\n[submap]\nkeyframes = {keyframes}\n")
+            out = self.folder / "one_map"
+            result = submapctl("replay", self.log, "--out", out, "--config", config)
+            self.assertEqual(result.returncode, 0, result.stderr)
+            metrics = json.loads((out / "metrics.json").read_text())
+            self.assertEqual(metrics["keyframes_refused"] == 0, room)
+            self.assertEqual("warning: a sub-map was full" not in result.stdout, room, result.stdout)
+            if room:
+                self.assertEqual((metrics["submaps"], metrics["loops"]["candidates"]), (1, 0))
+
     def test_simulate_writes_the_same_bytes_for_the_same_seed(self):
         self.simulate(self.folder / "same")
         self.simulate(self.folder / "other", seed=4)

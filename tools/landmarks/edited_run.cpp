@@ -26,7 +26,7 @@ Expected<EditedRun> EditedRun::open(const std::filesystem::path& folder, const C
     return failure(StatusCode::kUnavailable,
                    fmt::format("{}: the run has not ended; end it first (submapctl new-run)", folder.string()));
   }
-  EditedRun run(folder, std::move(*journal), configuration.graph_bytes);
+  EditedRun run(folder, std::move(*journal), configuration);
   Expected<std::unique_ptr<SubmapArchive>> archive =
       SubmapArchive::open(folder / "submaps", configuration.submap_cache_bytes);
   if (!archive) return failure(archive.error());
@@ -54,6 +54,7 @@ Status EditedRun::check_submaps() {
 Expected<FinalResult> EditedRun::solve(const GraphEdits& edits, bool loops, const Progress& progress) {
   OptimizerOptions options;
   options.loops = loops;
+  options.parts = parts_;
   options.edits = edits;
   options.suspects = true;
   options.graph_bytes_limit = graph_bytes_;

@@ -36,12 +36,16 @@ class EditedRun {
   Status append(const JournalEvent& edit);
 
  private:
-  EditedRun(std::filesystem::path folder, JournalContents journal, std::size_t graph_bytes)
-      : folder_(std::move(folder)), journal_(std::move(journal)), graph_bytes_(graph_bytes) {}
+  EditedRun(std::filesystem::path folder, JournalContents journal, const Configuration& configuration)
+      : folder_(std::move(folder)),
+        journal_(std::move(journal)),
+        parts_(configuration.graph_parts),
+        graph_bytes_(configuration.graph_bytes) {}
   Status check_submaps();
 
   std::filesystem::path folder_;
   JournalContents journal_;
+  GraphParts parts_;
   std::size_t graph_bytes_;
   std::unique_ptr<SubmapArchive> archive_;
   std::uint32_t submaps_ = 0;

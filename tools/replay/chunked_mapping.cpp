@@ -143,6 +143,7 @@ Status Joiner::join(const MappedChunk& chunk, const MappedChunk* next) {
   counters_.searches += chunk.counters.searches;
   counters_.forced_coalescences += chunk.counters.forced_coalescences;
   counters_.pool_refusals += chunk.counters.pool_refusals;
+  counters_.keyframes_refused += chunk.counters.keyframes_refused;
   counters_.odometry_rejected = counters_.odometry_rejected || chunk.counters.odometry_rejected;
   counters_.degenerate_s += chunk.counters.degenerate_s;
   return {};

@@ -69,6 +69,7 @@ Status write_metrics(const std::filesystem::path& path, const ReplayMetrics& m) 
       {"breaks", m.mapper.breaks},
       {"searches", m.mapper.searches},
       {"pool_refusals", m.mapper.pool_refusals},
+      {"keyframes_refused", m.mapper.keyframes_refused},
       {"loops",
        {{"candidates", m.optimizer.loop_candidates},
         {"confirmed", m.optimizer.loops_confirmed},

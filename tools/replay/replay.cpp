@@ -193,6 +193,12 @@ Expected<ReplayResult> replay(const ReplayOptions& options,
     done.summary += fmt::format("warning: tracking broke {} times; parts of the map may not be tied together\n",
                                 metrics.mapper.breaks);
   }
+  if (metrics.mapper.pool_refusals > 0 || metrics.mapper.keyframes_refused > 0) {
+    done.summary += fmt::format(
+        "warning: a sub-map was full: {} cells or surfaces and {} key-frames are missing from it; raise [budget] "
+        "map_blocks and surface_faces, [submap] keyframes\n",
+        metrics.mapper.pool_refusals, metrics.mapper.keyframes_refused);
+  }
   if (metrics.log.skipped_records > 0) {
     done.summary +=
         fmt::format("warning: {} damaged records of the log were skipped, first: {}\n", metrics.log.skipped_records,

@@ -4,6 +4,7 @@
 
 #include "daemon/version.hpp"
 #include "slam/base/atomic_file.hpp"
+#include "slam/submap/submap_codec.hpp"
 
 namespace submapd::tools {
 namespace {
@@ -11,6 +12,7 @@ namespace {
 OptimizerOptions optimizer_options(const Configuration& configuration, bool loops) {
   OptimizerOptions o;
   o.loops = loops;
+  o.parts = configuration.graph_parts;
   o.graph_bytes_limit = configuration.graph_bytes;
   return o;
 }
@@ -20,6 +22,7 @@ OptimizerThreadOptions thread_options(const Uuid& cart, const Uuid& run) {
   o.cart = cart;
   o.run = run;
   o.queue_capacity = 1024;
+  o.chunk_bytes_limit = kMaxEncodedSubmapBytes;  // one of any size comes through
   o.lost_after = std::chrono::milliseconds(0);
   o.lost_is_error = true;
   o.graph_pace = std::chrono::microseconds(0);

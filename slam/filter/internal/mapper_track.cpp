@@ -95,7 +95,6 @@ void Mapper::Impl::insert_keyframe(const Scan& scan) {
 }
 
 bool Mapper::Impl::wants_keyframe(const Scan& scan) const {
-  if (window.room() <= set.pending_keyframes()) return false;  // nobody took the last finished sub-map yet
   const Pose2 step = since_keyframe();
   const double distance = std::hypot(step.x, step.y);
   if (distance > options.keyframe_m || std::abs(step.yaw) > options.keyframe_rad) return true;
@@ -235,6 +234,10 @@ void Mapper::Impl::track(const Scan& scan, double elapsed_s, ScanReport& report,
     report.lost = false;
     pick_up(scan, kAnyTime_s, report, fit);
   } else if (fits && !doubtful(fit) && wants_keyframe(scan)) {
+    if (window.room() <= set.pending_keyframes()) {  // nobody took the last finished sub-map yet, or it is never full
+      ++counters.keyframes_refused;
+      return;
+    }
     report.keyframe_step = since_keyframe();
     report.keyframe_linked = true;
     report.keyframe = true;

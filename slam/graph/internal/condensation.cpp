@@ -24,6 +24,11 @@ Eigen::Matrix3d inverse_of(const Eigen::Matrix3d& information) {
   return white ? Eigen::Matrix3d(white->transpose() * *white) : pose_covariance(kBreakM, kBreakRad);
 }
 
+Eigen::Matrix3d information_of(const Eigen::Matrix3d& covariance, double scale = 1.0) {
+  const Eigen::Matrix3d white = whitening_or_soft(covariance, scale);
+  return white.transpose() * white;
+}
+
 // What landmarks say about a_from_b at the present poses, under the live graph's loss.
 Eigen::Matrix3d information_of(const GraphModel& model, const std::vector<VirtualLandmark>& landmarks, double scale) {
   Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
@@ -49,16 +54,17 @@ Condenser::Condenser(GraphModel& model) : model_(model), coverage_(model) {
     if (!model.has_link(k)) continue;
     const ChainLink& link = model.links[k];
     const double scale = link_scale(link);
-    const Eigen::Matrix3d white = whitening_or_soft(link.edge.covariance, scale);
-    tie(k - 1, k, white.transpose() * white + information_of(model, link.landmarks, scale), false);
+    tie(k - 1, k, information_of(link.edge.covariance, scale) + information_of(model, link.landmarks, scale), false);
   }
   for (const CondensedEdge& edge : model.edges) {
-    const Eigen::Matrix3d white = whitening_or_soft(edge.a_from_b.covariance);
-    tie(edge.a, edge.b, white.transpose() * white, edge.loop);
+    tie(edge.a, edge.b, information_of(edge.a_from_b.covariance), edge.loop);
   }
   for (const LoopRecord& record : model.loops) {
     if (record.loop.state != LoopState::kConfirmed) continue;
-    tie(record.loop.match.a, record.loop.match.b, information_of(model, record.landmarks, 1.0), true);
+    tie(record.loop.match.a, record.loop.match.b,
+        model.parts.landmark_rows ? information_of(model, record.landmarks, 1.0)
+                                  : information_of(model.measured(record).covariance),
+        true);
   }
 }
 

@@ -12,6 +12,7 @@ constexpr int kFinalIterations = 50;
 // Loops have been judged by now: the loss only has to spoil single landmarks (a cabinet moved), not whole loops, so it
 // starts later than live (95 % efficiency for Gaussian errors).
 constexpr double kFinalCauchyScale = 2.385;
+constexpr double kPlainScale = 1e4;  // no residual comes near it: plain squares
 constexpr double kStepFloorM = 0.002;
 constexpr double kStepFloorRad = 0.03 * kDegree;
 // Sub-map vertices are names for key-frames, not measurements.
@@ -22,6 +23,18 @@ std::uint32_t position_of(const TrackGraph& graph, std::uint64_t scan_index) {
       graph.track.begin(), graph.track.end(), scan_index,
       [](const OptimizedKeyframe& keyframe, std::uint64_t index) { return keyframe.scan_index < index; });
   return static_cast<std::uint32_t>(found - graph.track.begin());
+}
+
+// A row between the middle key-frames of two sub-maps, for what is known of the sub-maps as a whole.
+void add_edge(TrackGraph& graph, const GraphModel& model, std::uint32_t a, std::uint32_t b,
+              const UncertainPose& a_from_b) {
+  const TrackPoint& in_a = model.submaps[a].keyframes[middle_of(model.submaps[a])];
+  const TrackPoint& in_b = model.submaps[b].keyframes[middle_of(model.submaps[b])];
+  const Eigen::Matrix3d exact = Eigen::Matrix3d::Zero();
+  const UncertainPose row =
+      compose(compose(UncertainPose{inverse(in_a.pose), exact}, a_from_b), UncertainPose{in_b.pose, exact});
+  graph.chain.push_back(
+      {position_of(graph, in_a.scan_index), position_of(graph, in_b.scan_index), row.mean, row.covariance});
 }
 
 // Every key-frame once, posed by the oldest sub-map that holds it, and chained inside sub-maps.
@@ -53,15 +66,7 @@ void add_track(TrackGraph& graph, const GraphModel& model) {
     graph.first_of_submap.push_back(submap.condensed() ? kNoTrackPoint
                                                        : position_of(graph, submap.keyframes.front().scan_index));
   }
-  for (const CondensedEdge& edge : model.edges) {
-    const TrackPoint& in_a = model.submaps[edge.a].keyframes[middle_of(model.submaps[edge.a])];
-    const TrackPoint& in_b = model.submaps[edge.b].keyframes[middle_of(model.submaps[edge.b])];
-    const Eigen::Matrix3d exact = Eigen::Matrix3d::Zero();
-    const UncertainPose row =
-        compose(compose(UncertainPose{inverse(in_a.pose), exact}, edge.a_from_b), UncertainPose{in_b.pose, exact});
-    graph.chain.push_back(
-        {position_of(graph, in_a.scan_index), position_of(graph, in_b.scan_index), row.mean, row.covariance});
-  }
+  for (const CondensedEdge& edge : model.edges) add_edge(graph, model, edge.a, edge.b, edge.a_from_b);
 }
 
 // One row a side, from the middle one of the key-frames that see the spot: more would repeat the same evidence, and a
@@ -97,17 +102,23 @@ TrackGraph build_track_graph(const GraphModel& model) {
   std::size_t offered = 0;
   for (const ChainLink& link : model.links) offered += link.landmarks.size();
   for (const LoopRecord& record : model.loops) {
-    if (record.loop.state == LoopState::kConfirmed) offered += record.landmarks.size();
+    if (record.loop.state != LoopState::kConfirmed) continue;
+    if (model.parts.landmark_rows) {
+      offered += record.landmarks.size();
+    } else {
+      add_edge(graph, model, record.loop.match.a, record.loop.match.b, model.measured(record));
+    }
   }
   const std::size_t stride = std::max<std::size_t>(1, (2 * offered + kMostSights - 1) / kMostSights);
   for (const ChainLink& link : model.links) add_sights(graph, model, link.landmarks, 2.0, stride);
+  if (!model.parts.landmark_rows) return graph;
   for (const LoopRecord& record : model.loops) {
     if (record.loop.state == LoopState::kConfirmed) add_sights(graph, model, record.landmarks, 1.0, stride);
   }
   return graph;
 }
 
-Expected<SolveSummary> solve_track_graph(TrackGraph& graph, const std::atomic<bool>* cancelled) {
+Expected<SolveSummary> solve_track_graph(TrackGraph& graph, bool robust_loss, const std::atomic<bool>* cancelled) {
   LeastSquaresGraph problem;
   problem.poses.reserve(graph.track.size());
   for (const OptimizedKeyframe& keyframe : graph.track) problem.poses.push_back(keyframe.map_from_base);
@@ -118,7 +129,7 @@ Expected<SolveSummary> solve_track_graph(TrackGraph& graph, const std::atomic<bo
   for (const auto& row : graph.sights) {
     problem.point_rows.push_back({row.track_point, row.landmark, row.z, *whitening(row.covariance)});
   }
-  const auto summary = solve(problem, {kFinalIterations, kFinalCauchyScale, cancelled});
+  const auto summary = solve(problem, {kFinalIterations, robust_loss ? kFinalCauchyScale : kPlainScale, cancelled});
   if (!summary) return summary;
   for (std::size_t k = 0; k < graph.track.size(); ++k) graph.track[k].map_from_base = problem.poses[k];
   graph.landmarks = std::move(problem.points);

@@ -56,12 +56,14 @@ struct TrackGraph {
 // Rows of landmarks that a graph has at most: they take memory while it is solved.
 inline constexpr std::size_t kMostSights = 24'000;
 
-// Values from the live poses. Rows from links, landmarks of linked neighbours, confirmed loops, and edges that stand
-// for condensed sub-maps. Above kMostSights (up to what rounding adds for a pair) landmarks are thinned.
+// Values from the live poses. Rows from links, landmarks of linked neighbours, confirmed loops (an edge each without
+// GraphParts::landmark_rows), and edges that stand for condensed sub-maps. Above kMostSights (up to what rounding adds
+// for a pair) landmarks are thinned.
 [[nodiscard]] TrackGraph build_track_graph(const GraphModel& model);
 
-// Solves in place, up to 50 iterations. `cancelled`: SolveOptions.
-Expected<SolveSummary> solve_track_graph(TrackGraph& graph, const std::atomic<bool>* cancelled = nullptr);
+// Solves in place, up to 50 iterations. `robust_loss`: GraphParts; `cancelled`: SolveOptions.
+Expected<SolveSummary> solve_track_graph(TrackGraph& graph, bool robust_loss = true,
+                                         const std::atomic<bool>* cancelled = nullptr);
 
 // Vertices and edges with the graph's present values; a sub-map's vertex hangs on its first key-frame by an identity
 // edge.

@@ -64,6 +64,7 @@ struct CondensedEdge {
 
 // Vectors of one length: submaps, poses and links belong to the same indices.
 struct GraphModel {
+  GraphParts parts;  // which of them are in use
   std::vector<SubmapRecord> submaps;
   std::vector<Pose2> poses;          // map_from_submap
   std::vector<ChainLink> links;      // links[k] ties k - 1 and k, if neither is condensed; links[0] is unused

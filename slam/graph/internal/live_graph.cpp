@@ -55,7 +55,14 @@ LeastSquaresGraph build_live_graph(const GraphModel& model) {
     graph.pose_rows.push_back({edge.a, edge.b, edge.a_from_b.mean, whitening_or_soft(edge.a_from_b.covariance)});
   }
   for (const LoopRecord& record : model.loops) {
-    if (record.loop.state == LoopState::kConfirmed) add_landmarks(graph, record.landmarks, 1.0);
+    if (record.loop.state != LoopState::kConfirmed) continue;
+    if (model.parts.landmark_rows) {
+      add_landmarks(graph, record.landmarks, 1.0);
+    } else {
+      const UncertainPose edge = model.measured(record);
+      graph.pose_rows.push_back(
+          {record.loop.match.a, record.loop.match.b, edge.mean, whitening_or_soft(edge.covariance)});
+    }
   }
   return graph;
 }

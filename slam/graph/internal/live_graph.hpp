@@ -17,9 +17,9 @@ namespace submapd::graph {
 // What a link's edge and its landmarks count each.
 [[nodiscard]] double link_scale(const ChainLink& link);
 
-// Rows: link edges; landmarks of linked neighbours; landmarks of confirmed loops; edges that stand for condensed
-// sub-maps, which have no rows of their own. Where neighbours have both, each
-// counts half, for they rest on partly the same scans (notes 11.2). Pending loops have no row.
+// Rows: link edges; landmarks of linked neighbours; landmarks of confirmed loops, or an edge each without
+// GraphParts::landmark_rows; edges that stand for condensed sub-maps, which have no rows of their own. Where neighbours
+// have both, each counts half, for they rest on partly the same scans (notes 11.2). Pending loops have no row.
 [[nodiscard]] LeastSquaresGraph build_live_graph(const GraphModel& model);
 
 // Solves from the present poses and stores the result in them. `news`: loops confirmed since the last solve; where one

@@ -28,8 +28,9 @@ constexpr double kLoneContradiction = 0.04;
 constexpr double kLoneSigmaM = 1.0;
 constexpr double kLoneSigmaRad = 5.0 * kDegree;
 
-bool strong(const SubmapMatch& match) {
-  return match.score >= kLoneScore && match.contradiction <= kLoneContradiction && !match.weak;
+bool strong(const SubmapMatch& match, const GraphParts& parts) {
+  return match.score >= kLoneScore && (match.contradiction <= kLoneContradiction || !parts.contradiction_test) &&
+         !match.weak;
 }
 
 bool tight(const Eigen::Matrix3d& covariance) {
@@ -127,13 +128,14 @@ std::vector<std::size_t> confirm_loops(GraphModel& model, bool accept_lone) {
       const RelativePose& predicted = uncertainty.between_submaps(match.a, match.b);
       const Consistency verdict = against_graph(model, record, predicted.pose);
       const bool vouched = predicted.through_loop && verdict.agrees(kChanceAgainstGraph);
-      const bool alone =
-          accept_lone && strong(match) && tight(predicted.pose.covariance) && verdict.agrees(kChanceOfLone);
-      if (vouched || alone) {
+      const bool alone = accept_lone && strong(match, model.parts) && tight(predicted.pose.covariance) &&
+                         verdict.agrees(kChanceOfLone);
+      const bool conflicts = verdict.mahalanobis2 > kChi2Conflict;
+      if (vouched || alone || (!model.parts.pairwise_consistency && !conflicts)) {
         confirmed.push_back(k);
       } else {
         pending.push_back(k);
-        contradicted.push_back(verdict.mahalanobis2 > kChi2Conflict);
+        contradicted.push_back(conflicts);
       }
     }
   }

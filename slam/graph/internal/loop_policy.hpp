@@ -7,6 +7,7 @@
 //  (ii)  at the end of a run only (`accept_lone`): with the prediction of the chain alone, if that is tight and the
 //  match is
 //        strong.
+// Without GraphParts::pairwise_consistency whatever the prediction does not contradict is confirmed.
 // An agreement counts only as far as it was unlikely to come about by chance, see Consistency.
 #pragma once
 

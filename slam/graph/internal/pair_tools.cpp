@@ -5,8 +5,8 @@
 
 namespace submapd {
 
-PairTools default_pair_tools() {
-  const SubmapMatcher matcher{SubmapMatcherOptions{}};
+PairTools default_pair_tools(const SubmapMatcherOptions& options) {
+  const SubmapMatcher matcher{options};
   PairTools tools;
   tools.make_outline = [](const FinishedSubmap& submap) { return make_outline(submap); };
   tools.overlap_m2 = [](const SubmapOutline& a, const SubmapOutline& b, const Pose2& a_from_b, double grow_m) {
@@ -26,6 +26,6 @@ PairTools default_pair_tools() {
 
 // Here and not in optimizer.cpp, so that tests with tools of their own do not link the matcher.
 Optimizer::Optimizer(const OptimizerOptions& options, SubmapSource& source)
-    : Optimizer(options, source, default_pair_tools()) {}
+    : Optimizer(options, source, default_pair_tools({.contradiction_test = options.parts.contradiction_test})) {}
 
 }  // namespace submapd

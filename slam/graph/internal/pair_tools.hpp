@@ -23,7 +23,7 @@ struct PairTools {
       choose_landmarks;
 };
 
-// slam/loop and slam/landmark with their default options.
-[[nodiscard]] PairTools default_pair_tools();
+// slam/loop and slam/landmark, the latter with its default options.
+[[nodiscard]] PairTools default_pair_tools(const SubmapMatcherOptions& options);
 
 }  // namespace submapd

@@ -144,7 +144,7 @@ class Table:
     def simulated(self):
         """Distinct runs with an exact truth and the whole program."""
         return list({o.key: o for row, run, o in self.outcomes.values() if row.simulated and
-                     run.score in ("truth", "parts") and not row.name.startswith("ablation")}.values())
+                     run.score in ("truth", "parts") and not row.name.startswith(("ablation", "single-map"))}.values())
 
 
 def print_slips(table):

@@ -147,7 +147,7 @@ def airport_row(name, minutes, speed, must=None, goal=None):
                seeds=2)
 
 
-# --- threads, ablation --------------------------------------------------------------------------------------------
+# --- threads, ablation, one map -----------------------------------------------------------------------------------
 
 def thread_runs(log, *options):
     return {f"threads{n}": Run(log, ("--threads", str(n), *options), (), 20.0, "none") for n in (1, 2, 4)}
@@ -182,23 +182,62 @@ ABLATIONS = {  # name: (options, configuration)
     "no second stage": ((), (("experiment", "line_matching", False),)),
     "N = 1": ((), (("filter", "max_adaptive_particles", 1),)),
     "N = 30": (("--filter", "rbpf", "--particles", "30"), ()),
+    "loops as one edge": ((), (("experiment", "landmark_rows", False),)),
+    "no contradiction test": ((), (("experiment", "contradiction_test", False),)),
+    "no pairwise consistency": ((), (("experiment", "pairwise_consistency", False),)),
+    "neither of the two": ((), (("experiment", "contradiction_test", False),
+                                ("experiment", "pairwise_consistency", False))),
+    "plain squares at the end": ((), (("experiment", "robust_loss", False),)),
     "no loops": (("--no-loops",), ()),
 }
 
 
-def ablation_row(name, log_of, error, cost, scale, unit, seeds=2):
+# What is to hold false loops off, for worlds whose places repeat.
+LOOP_PARTS = ("as it is", "no contradiction test", "no pairwise consistency", "neither of the two")
+
+
+def ablation_row(name, log_of, error, cost, unit, seeds=2, also=(), only=tuple(ABLATIONS)):
     def runs(seed):
-        return {what: Run(log_of(seed), options, configuration, cost, error[1])
-                for what, (options, configuration) in ABLATIONS.items()}
+        return {what: Run(log_of(seed), (*also, *ABLATIONS[what][0]), ABLATIONS[what][1], cost, error[1])
+                for what in only}
 
     def error_of(what):
-        return lambda outcomes: scale * outcomes[what].score[error[0]]
+        return lambda outcomes: 100.0 * outcomes[what].score[error[0]]
 
-    def cpu_of(what):
-        return lambda outcomes: outcomes[what].metrics["scan_cpu_ms"]["mean"]
-    figures = [f for what in ABLATIONS for f in (Figure(f"{what}: error {unit}", error_of(what), digits=2),
-                                                 Figure(f"{what}: CPU ms a scan", cpu_of(what), digits=2))]
+    def false_loops_of(what):
+        return lambda outcomes: len(outcomes[what].score["false_loops"])
+
+    figures = [f for what in only
+               for f in (Figure(f"{what}: error {unit}", error_of(what), digits=2),
+                         Figure(f"{what}: CPU ms a scan", measured("scan_cpu_ms", "mean", run=what), digits=2),
+                         Figure(f"{what}: loops confirmed", measured("loops", "confirmed", run=what), digits=0),
+                         *((Figure(f"{what}: false loops", false_loops_of(what), digits=0),)
+                           if error[1] == "truth" else ()))]
     return Row(name, "what each part buys", runs, tuple(figures), seeds=seeds, simulated=name != "ablation-intel")
+
+
+# Room for all of an office or of intel; the numbers of `[budget]` hold for each of three sub-maps.
+ONE_MAP = (("experiment", "single_map", True), ("submap", "keyframes", 3400), ("budget", "map_blocks", 800),
+           ("budget", "surface_faces", 65_535))
+
+
+def one_map_row():
+    logs = {"office": (office, (), "truth", "rmse_m"), "office with people": (busy_office, (), "truth", "rmse_m"),
+            "intel": (lambda seed: INTEL, ("--odometry", "use"), "relations", "mean_m")}
+    ways = {"sub-maps": (), "one map": ONE_MAP}
+
+    def runs(seed):
+        return {f"{name} {way}": Run(log_of(seed), options, configuration, 15.0, score)
+                for name, (log_of, options, score, _) in logs.items() for way, configuration in ways.items()}
+
+    def figures_of(run, key):
+        return (Figure(f"{run}: error cm", lambda outcomes: 100.0 * outcomes[run].score[key]),
+                Figure(f"{run}: RSS MB", measured("peak_rss_mb", run=run), digits=0),
+                Figure(f"{run}: CPU s", measured("cpu_s", run=run), digits=1),
+                Figure(f"{run}: CPU ms a scan", measured("scan_cpu_ms", "mean", run=run)))
+    return Row("single-map", "figure 5 of the paper: the whole run as one map, without graph and loops", runs,
+               tuple(f for name, (_, _, _, key) in logs.items() for way in ways
+                     for f in figures_of(f"{name} {way}", key)), seeds=2)
 
 
 # --- the table ----------------------------------------------------------------------------------------------------
@@ -278,10 +317,15 @@ ROWS = (
         simulated=False),
     Row("workers", "office 6 min in chunks: 1, 2, 4 workers", lambda seed: worker_runs(office(seed)), worker_figures(),
         seeds=2),
-    ablation_row("ablation-office", busy_office, ("rmse_m", "truth"), 40.0, 100.0, "RMSE cm"),
+    one_map_row(),
+    ablation_row("ablation-office", busy_office, ("rmse_m", "truth"), 40.0, "RMSE cm"),
     ablation_row("ablation-mall", lambda seed: Simulated("mall", seed, ("--speed", "3")), ("rmse_m", "truth"), 100.0,
-                 100.0, "RMSE cm"),
-    ablation_row("ablation-intel", lambda seed: INTEL, ("mean_m", "relations"), 60.0, 100.0, "mean cm", seeds=1),
+                 "RMSE cm"),
+    *(ablation_row(f"ablation-{world}", lambda seed, world=world: Simulated(world, seed, ("--speed", "3")),
+                   ("rmse_m", "truth"), 40.0, "RMSE cm", only=LOOP_PARTS)
+      for world in ("twin_wings", "identical_floors", "car_park")),
+    ablation_row("ablation-intel", lambda seed: INTEL, ("mean_m", "relations"), 60.0, "mean cm", seeds=1,
+                 also=("--odometry", "use")),
 )
 
 

@@ -132,6 +132,11 @@ TEST(ConfigurationTest, TheDescriptionParsesBackToTheDefaults) {
   EXPECT_EQ(parsed->daemon.workers, defaults.daemon.workers);
   EXPECT_EQ(parsed->daemon.mapper_ring, defaults.daemon.mapper_ring);
   EXPECT_EQ(parsed->daemon.recorder_ring, defaults.daemon.recorder_ring);
+  EXPECT_FALSE(parsed->mapper.limits.never_full);
+  EXPECT_TRUE(parsed->graph_parts.landmark_rows);
+  EXPECT_TRUE(parsed->graph_parts.contradiction_test);
+  EXPECT_TRUE(parsed->graph_parts.pairwise_consistency);
+  EXPECT_TRUE(parsed->graph_parts.robust_loss);
   EXPECT_EQ(parsed->daemon.slow_mapper_ms, defaults.daemon.slow_mapper_ms);
   EXPECT_EQ(parsed->lcm.url, defaults.lcm.url);
   EXPECT_EQ(parsed->lcm.prefix, defaults.lcm.prefix);
@@ -155,7 +160,7 @@ TEST(ConfigurationTest, TheDescriptionParsesBackToTheDefaults) {
   EXPECT_EQ(parsed->button.cloud, defaults.button.cloud);
   EXPECT_EQ(parsed->hook.command, defaults.hook.command);
   EXPECT_EQ(parsed->hook.longest_s, defaults.hook.longest_s);
-  EXPECT_EQ(described_keys().size(), 57U) << "compare the new key's field above";
+  EXPECT_EQ(described_keys().size(), 62U) << "compare the new key's field above";
 }
 
 TEST(ConfigurationTest, EveryKeySetsItsField) {
@@ -228,6 +233,11 @@ map_raster = 28000000
 [experiment]
 unwarp = false
 line_matching = false
+single_map = true
+landmark_rows = false
+contradiction_test = false
+pairwise_consistency = false
+robust_loss = false
 slow_mapper = 125
 )";
   const Expected<Configuration> parsed = parse_configuration(text, "cart.toml");
@@ -292,6 +302,11 @@ slow_mapper = 125
   EXPECT_EQ(parsed->map_raster_bytes, 28'000'000U);
   EXPECT_FALSE(m.unwarp);
   EXPECT_FALSE(m.matcher.use_lines);
+  EXPECT_TRUE(m.limits.never_full);
+  EXPECT_FALSE(parsed->graph_parts.landmark_rows);
+  EXPECT_FALSE(parsed->graph_parts.contradiction_test);
+  EXPECT_FALSE(parsed->graph_parts.pairwise_consistency);
+  EXPECT_FALSE(parsed->graph_parts.robust_loss);
   EXPECT_EQ(parsed->daemon.slow_mapper_ms, 125.0);
 }
 

@@ -74,6 +74,22 @@ TEST(MapperScenarioTest, SubmapsOverlapByHalf) {
   }
 }
 
+TEST(MapperScenarioTest, ARunMayBeOneMapAsFarAsItsKeyframesReach) {
+  MapperOptions options = short_submaps();
+  options.limits.never_full = true;
+  options.limits.keyframes = 400;
+  const Drive& drive = fast_drive();
+  const MapperRun run = run_mapper(drive.scans, options);
+  expect_sound_submaps(run);
+  ASSERT_EQ(run.submaps.size(), 1U);
+  EXPECT_EQ(run.submaps[0].reason, FinishReason::kEndOfRun);
+  EXPECT_EQ(run.submaps[0].keyframes.size(), run.counters.keyframes);
+  EXPECT_EQ(run.counters.keyframes_refused, 0U);
+  EXPECT_LT(error_of(run.reports, drive.truth).rms_m, kDriveLimit_m);
+  options.limits.keyframes = 40;
+  EXPECT_GT(run_mapper(drive.scans, options).counters.keyframes_refused, 0U);
+}
+
 TEST(MapperScenarioTest, StandstillNeitherCreepsNorGrows) {
   tools::MotionOptions motion_options;
   motion_options.speed_m_s = 1.0;

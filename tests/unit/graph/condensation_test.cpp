@@ -29,9 +29,9 @@ struct Outcome {
   FinalResult result;
 };
 
-Outcome drive(SimulatedRun& run, std::size_t graph_bytes) {
+Outcome drive(SimulatedRun& run, std::size_t graph_bytes, const GraphParts& parts = {}) {
   Outcome outcome;
-  Optimizer optimizer({.graph_bytes_limit = graph_bytes}, run, run.tools());
+  Optimizer optimizer({.parts = parts, .graph_bytes_limit = graph_bytes}, run, run.tools());
   for (const auto& submap : run.submaps()) {
     auto state = optimizer.add_submap(submap);
     EXPECT_TRUE(state) << state.error().message();
@@ -105,6 +105,14 @@ TEST(Condensation, HoldsTheBudgetInKnownSpaceAtTheSameError) {
     EXPECT_TRUE(keyframes.contains(submap->keyframes.front().scan_index) ||
                 keyframes.contains(submap->keyframes[submap->keyframes.size() / 2].scan_index));
   }
+}
+
+TEST(Condensation, LoopsThatAreOneEdgeHoldAsWell) {
+  SimulatedRun run(ring_path(80.0, 4.0), {});
+  const Outcome edges = drive(run, kSmall, {.landmark_rows = false});
+  EXPECT_GT(edges.counters.back().submaps_condensed, 0U);
+  EXPECT_LT(revisit_rmse_m(run, edges.result.keyframes), 0.05);
+  expect_one_piece(edges.result.graph);
 }
 
 // What is condensed stays where the graph last had it, and the retained ones barely feel it.

@@ -71,6 +71,23 @@ TEST(LiveGraph, PendingLoopsHaveNoRowAndNeverBend) {
   EXPECT_EQ(build_live_graph(model).point_rows.size(), 8U);
 }
 
+TEST(LiveGraph, ALoopMayBeOneEdge) {
+  GraphModel model = chain(37);
+  model.parts.landmark_rows = false;
+  const Pose2 wanted = moved(between(model.poses[0], model.poses[36]), 0.3, -0.2, 0.02);
+  model.loops.push_back(loop_at(0, 36, wanted, {3, 3, 0.3}));
+  EXPECT_EQ(build_live_graph(model).pose_rows.size(), 36U);
+  model.loops[0].loop.state = LoopState::kConfirmed;
+  const LeastSquaresGraph graph = build_live_graph(model);
+  EXPECT_TRUE(graph.point_rows.empty());
+  ASSERT_EQ(graph.pose_rows.size(), 37U);
+  EXPECT_EQ(graph.pose_rows.back().measurement, wanted);
+  const Eigen::Matrix3d information = graph.pose_rows.back().whitening.transpose() * graph.pose_rows.back().whitening;
+  EXPECT_TRUE((information * model.measured(model.loops[0]).covariance).isIdentity(1e-9));
+  ASSERT_TRUE(solve_live(model, {0}));
+  EXPECT_LT(between(wanted, between(model.poses[0], model.poses[36])).translation().norm(), 0.05);
+}
+
 TEST(LiveGraph, ALoopOfManyMetresIsReachedAndKeepsItsWeight) {
   GraphModel model = chain(37);
   const Pose2 wanted = moved(between(model.poses[0], model.poses[36]), 2.0, -1.5, 0.06);
@@ -119,6 +136,17 @@ TEST(LoopPolicy, OneLoopWaitsForASecondThatAgrees) {
   EXPECT_EQ(confirm_loops(model, false), (std::vector<std::size_t>{0, 1}));
 }
 
+TEST(LoopPolicy, WithoutPairwiseConsistencyOneLoopIsEnoughUnlessTheGraphContradictsIt) {
+  GraphModel model = chain(37);
+  const auto off_by = [&](double x) {
+    return loop_at(0, 35, moved(between(model.poses[0], model.poses[35]), x, 0.0, 0.0), {3, 3, 0.3});
+  };
+  model.loops = {off_by(0.8), off_by(12.0)};
+  EXPECT_TRUE(confirm_loops(model, false).empty());
+  model.parts.pairwise_consistency = false;
+  EXPECT_EQ(confirm_loops(model, false), (std::vector<std::size_t>{0}));
+}
+
 TEST(LoopPolicy, TwoThatDisagreeWait) {
   GraphModel model = chain(37);
   const auto at = [&](std::uint32_t a, std::uint32_t b, double x) {
@@ -151,6 +179,11 @@ TEST(LoopPolicy, ALoneLoopIsAcceptedOnlyAtTheEndAndOnlyWhereThePredictionIsTight
   weak.loops[0].loop.match.score = 0.6;
   EXPECT_TRUE(confirm_loops(weak, true).empty());
   for (ChainLink& link : model.links) link.edge.covariance = pose_covariance(0.005, 0.05 * kDegree);
+  GraphModel contradicted = model;
+  for (LoopRecord& record : contradicted.loops) record.loop.match.contradiction = 0.05;
+  EXPECT_TRUE(confirm_loops(contradicted, true).empty());
+  contradicted.parts.contradiction_test = false;
+  EXPECT_FALSE(confirm_loops(contradicted, true).empty());
   GraphModel loose = model;
   for (ChainLink& link : loose.links) link.edge.covariance = pose_covariance(0.2, 3.0 * kDegree);
   EXPECT_EQ(confirm_loops(model, true).empty(), false);

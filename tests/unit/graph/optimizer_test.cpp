@@ -125,6 +125,43 @@ TEST(Optimizer, ConfirmsNoFalseLoopAmongMany) {
   EXPECT_LT(worst, 0.15);
 }
 
+Outcome drive_without(SimulatedRun& run, bool GraphParts::*part) {
+  OptimizerOptions options;
+  options.parts.*part = false;
+  return drive(run, options);
+}
+
+TEST(Optimizer, WithoutPairwiseConsistencyFalseLoopsAreConfirmed) {
+  int with = 0;
+  int without = 0;
+  for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+    SimulatedRunOptions options;
+    options.seed = seed;
+    options.false_loops = 0.7;
+    SimulatedRun run(ring_path(160.0, 1.7), options);
+    for (const GraphState& state : drive(run).states) with += count_confirmed(run, state.loops, false);
+    for (const GraphState& state : drive_without(run, &GraphParts::pairwise_consistency).states) {
+      without += count_confirmed(run, state.loops, false);
+    }
+  }
+  std::printf("false loops confirmed: %d, without pairwise consistency %d\n", with, without);
+  EXPECT_EQ(with, 0);
+  EXPECT_GT(without, 0);
+}
+
+TEST(Optimizer, LandmarkRowsAndRobustLossCanBeSwitchedOff) {
+  SimulatedRun run(ring_path(160.0, 1.7), {});
+  const Outcome whole = drive(run);
+  const Outcome edges = drive_without(run, &GraphParts::landmark_rows);
+  EXPECT_LT(edges.result.graph.point_edges.size(), whole.result.graph.point_edges.size());
+  EXPECT_GT(edges.result.graph.pose_edges.size(), whole.result.graph.pose_edges.size());
+  EXPECT_LT(revisit_rmse_m(run, edges.result.keyframes), 0.15);
+  const Outcome plain = drive_without(run, &GraphParts::robust_loss);
+  EXPECT_EQ(plain.states.back().submaps.back().map_from_submap, whole.states.back().submaps.back().map_from_submap)
+      << "the live graph is the same";
+  EXPECT_NE(plain.result.submaps.back().map_from_submap, whole.result.submaps.back().map_from_submap);
+}
+
 TEST(Optimizer, RevisitsAfterSomeMetresOfDriftAreAllTied) {
   SimulatedRunOptions options;
   options.seed = 4;

@@ -110,6 +110,10 @@ TEST(SubmapMatcher, ACabinetTellsTwinRoomsApart) {
   const SubmapMatcher matcher(SubmapMatcherOptions{});
   const SubmapMatch twins = matcher.search(with, without, prior_at({0.2, 0.1, 0.02}, 0.5, 0.05));
   EXPECT_EQ(twins.verdict, MatchVerdict::kContradiction) << twins.contradiction;
+  SubmapMatcherOptions credulous;
+  credulous.contradiction_test = false;
+  EXPECT_EQ(SubmapMatcher(credulous).search(with, without, prior_at({0.2, 0.1, 0.02}, 0.5, 0.05)).verdict,
+            MatchVerdict::kAccepted);
   const SubmapMatch same = matcher.search(with, twin_room(true, 2), prior_at({0.2, 0.1, 0.02}, 0.5, 0.05));
   EXPECT_EQ(same.verdict, MatchVerdict::kAccepted) << same.contradiction;
   EXPECT_LT(same.contradiction, 0.5 * twins.contradiction);
