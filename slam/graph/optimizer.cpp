@@ -37,7 +37,6 @@ constexpr std::uint32_t kFinalGap = 2;
 // once.
 constexpr std::size_t kFullPart = 16;  // of the budget that is left free at least
 constexpr std::size_t kRoomPart = 8;   // of it that is made free
-constexpr int kPolicyRounds = 8;       // confirm and solve until nothing more follows
 
 bool finite(const Pose2& pose) {
   return std::isfinite(pose.x) && std::isfinite(pose.y) && std::isfinite(pose.yaw);
@@ -256,14 +255,8 @@ Status Optimizer::Impl::solve(const std::vector<std::size_t>& news) {
 
 // Confirms and solves until nothing changes any more.
 Status Optimizer::Impl::settle(bool accept_lone) {
-  if (Status status = solve({}); !status.ok()) return status;
-  for (int round = 0; round < kPolicyRounds; ++round) {
-    const auto news = graph::confirm_loops(model, accept_lone);
-    if (news.empty()) break;
-    if (Status status = solve(news); !status.ok()) return status;
-    if (graph::demote_loops(model) == 0) continue;
-    if (Status status = solve({}); !status.ok()) return status;
-  }
+  const auto solve_with = [this](const std::vector<std::size_t>& news) { return solve(news); };
+  if (Status status = graph::settle_loops(model, accept_lone, solve_with); !status.ok()) return status;
   count();
   return {};
 }

@@ -157,8 +157,10 @@ struct TieStress {
   std::uint32_t b = 0;
   bool link = false;  // between neighbours; else a confirmed loop
   bool manual = false;
-  double off_m = 0.0;   // where b is and where the tie has it, at b's origin
-  double sigmas = 0.0;  // Mahalanobis distance of the whole relative pose
+  Pose2 a_from_b;                                        // by the tie
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  // of it, in a's frame
+  double off_m = 0.0;                                    // where b is and where the tie has it, at b's origin
+  double sigmas = 0.0;                                   // Mahalanobis distance of the whole relative pose
 };
 
 // A pair of sub-maps that a person should look at.

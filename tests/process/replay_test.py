@@ -71,6 +71,13 @@ class ReplayTest(unittest.TestCase):
         report = json.loads((one / "report.json").read_text())
         self.assertEqual(len(report["submaps"]), len(list((one / "submaps").iterdir())))
         self.assertEqual(len(report["matches"]), report["loops"]["confirmed"])
+        self.assertEqual([link["b"] - link["a"] for link in report["links"]], [1] * (len(report["submaps"]) - 1))
+        end = report["end"]
+        poses = [[float(v) for v in line.split()] for line in (one / "trajectory.tum").read_text().splitlines()]
+        there, = [pose for pose in poses if abs(pose[0] - end["stamp_us"] * 1e-6) < 1e-6]
+        self.assertLess(math.dist(there[1:3], poses[-1][1:3]), 0.5, "no key-frame came after it")
+        self.assertLess(math.dist(end["pose"][:2], there[1:3]), 0.01)
+        self.assertGreater(end["covariance_bound"][0], 0.0)
         for threads in (2, 4):
             self.assert_same(one, self.replay(f"threads{threads}", "--threads", threads))
 

@@ -18,7 +18,7 @@ BENCH, SUBMAPCTL = map(pathlib.Path, sys.argv[1:3])
 del sys.argv[1:3]
 sys.dont_write_bytecode = True
 sys.path.insert(0, str(BENCH.parent))
-from slam_bench import carmen_sparse, metrics, page, surgery  # pylint: disable=wrong-import-position
+from slam_bench import carmen_sparse, metrics, page, rows, surgery  # pylint: disable=wrong-import-position
 
 
 def drive(n=400):
@@ -89,6 +89,25 @@ class MetricsTest(unittest.TestCase):
         self.assertEqual([loop[:2] for loop in score["false_loops"]], [[0, 8]])
         self.assertAlmostEqual(score["match_nees"], 3.0, delta=0.6)
         self.assertAlmostEqual(score["bound_nees"], 0.0, places=6)
+        self.assertIsNone(score["link_nees"])
+        score = metrics.loops_against_truth({"submaps": submaps, "matches": [], "links": matches[:7]}, truth)
+        self.assertAlmostEqual(score["link_nees"], 3.0, delta=2.0)
+
+    def test_the_end_is_judged_along_the_way_to_it(self):
+        truth = [(0.025 * i, 2.0, 0.05 * i, 0.0) for i in range(401)]  # 20 m along y
+        said = {"submaps": [{"index": 0, "begun_us": 0, "pose": (7.0, 0.0, 0.0)}],
+                "end": {"stamp_us": 10_000_000, "pose": (7.0 - 12.6, 16.8, 0.0),
+                        "covariance_bound": [0.09, 0.0, 0.0, 0.04, 0.0, 1.0]}}
+        score = metrics.end_against_truth(said, truth)
+        self.assertAlmostEqual(score["end_off_m"], 1.0, places=6)
+        self.assertAlmostEqual(score["end_sigma_m"], math.hypot(0.6 * 0.3, 0.8 * 0.2), places=6)
+        self.assertEqual(metrics.end_against_truth({"submaps": said["submaps"]}, truth), {})
+
+    def test_a_figure_over_all_seeds_is_one_value(self):
+        figure = rows.Figure("share", lambda seeds: sum(seeds) / len(seeds), 0.5, at_least=True, over_all=True)
+        row = rows.Row("r", "", None, (figure,), seeds=3)
+        line, = page.lines_of(row, {1: 0.0, 2: 1.0}, "not run")
+        self.assertEqual(line.cells[1:], ("share", "0.50", "0.50", "≥ 0.5", "", "met so far", "2 of 3"))
 
     def test_rank_correlation(self):
         self.assertAlmostEqual(metrics.spearman([1, 2, 3, 4], [10, 100, 1000, 1e6]), 1.0)
@@ -233,7 +252,7 @@ exec {SUBMAPCTL.resolve()} "$@"
                         if call.startswith(f"{word} ") and "/dev/null" not in call and "--help" not in call]
 
     def test_killed_in_the_middle_it_goes_on_and_what_is_done_is_not_done_again(self):
-        wanted = ("--rows", "office-empty,intel-used,loop-trials", "--seeds", "1", "--minutes", "0.2")
+        wanted = ("--rows", "office-empty,intel-used,loop-trials-columns", "--seeds", "1", "--minutes", "0.2")
         (self.folder / "kill").touch()
         result, calls = self.slam(*wanted)
         self.assertEqual((result.returncode, calls), (-9, ["simulate", "replay"]), result.stderr)
@@ -242,7 +261,7 @@ exec {SUBMAPCTL.resolve()} "$@"
         table = result.stdout
         self.assertRegex(table, r"office-empty +RMSE cm +0\.\d\d +0\.\d\d +≤ 1 +≤ 0.5 +(goal|met) so far +1 of 5")
         self.assertRegex(table, r"intel-used .*no data: SUBMAPD_DATA is not set")
-        self.assertRegex(table, r"loop-trials .*not built")
+        self.assertRegex(table, r"loop-trials-columns .*not built: bench_loop_trials")
         self.assertEqual(list((self.folder / "cache" / "logs").iterdir()), [])
         self.assertTrue((self.folder / "cache" / "pictures" / "office-empty-seed-1-0.2-min.png").exists())
         result, calls = self.slam(*wanted)

@@ -42,6 +42,18 @@ Status write_replay_report(const std::filesystem::path& path, const RunQuality& 
                        {"covariance", json_of(match.covariance)},
                        {"overlap_m2", match.overlap_m2}});
   }
+  nlohmann::json& links = report["links"] = nlohmann::json::array();
+  for (const TieStress& tie : result.ties) {
+    if (!tie.link) continue;
+    links.push_back(
+        {{"a", tie.a}, {"b", tie.b}, {"a_from_b", json_of(tie.a_from_b)}, {"covariance", json_of(tie.covariance)}});
+  }
+  if (!result.keyframes.empty()) {
+    const OptimizedKeyframe& last = result.keyframes.back();
+    report["end"] = {{"stamp_us", last.stamp_us},
+                     {"pose", json_of(last.map_from_base)},
+                     {"covariance_bound", json_of(covariance_bound(result, last.stamp_us, last.map_from_base))}};
+  }
   const std::string text = report.dump() + "\n";
   return atomic_write_file(path, std::as_bytes(std::span(text)));
 }

@@ -11,6 +11,7 @@
 namespace submapd::graph {
 namespace {
 
+constexpr int kPolicyRounds = 8;  // confirm and solve until nothing more follows
 constexpr double kMinWeight = 0.25;
 constexpr int kMaxDemotions = 2;         // a loop that lost its confirmation so often stays pending
 constexpr std::size_t kMaxPending = 60;  // the newest so many take part in the search for cliques
@@ -180,6 +181,19 @@ int demote_loops(GraphModel& model) {
     ++demoted;
   }
   return demoted;
+}
+
+Status settle_loops(GraphModel& model, bool accept_lone,
+                    const std::function<Status(const std::vector<std::size_t>& news)>& solve) {
+  if (Status status = solve({}); !status.ok()) return status;
+  for (int round = 0; round < kPolicyRounds; ++round) {
+    const auto news = confirm_loops(model, accept_lone);
+    if (news.empty()) break;
+    if (Status status = solve(news); !status.ok()) return status;
+    if (demote_loops(model) == 0) continue;
+    if (Status status = solve({}); !status.ok()) return status;
+  }
+  return {};
 }
 
 int reject_contradicted(GraphModel& model) {

@@ -11,9 +11,11 @@
 // An agreement counts only as far as it was unlikely to come about by chance, see Consistency.
 #pragma once
 
-#include <cstdint>
+#include <cstddef>
+#include <functional>
 #include <vector>
 
+#include "slam/base/status.hpp"
 #include "slam/graph/internal/graph_model.hpp"
 
 namespace submapd::graph {
@@ -28,6 +30,11 @@ std::vector<std::size_t> confirm_loops(GraphModel& model, bool accept_lone);
 
 // Confirmed loops that weigh less than 0.25 go back to pending; returns how many.
 int demote_loops(GraphModel& model);
+
+// Solves, then confirms, solves and demotes until nothing more follows. `solve` gets the loops confirmed since the last
+// time; its first error ends it.
+Status settle_loops(GraphModel& model, bool accept_lone,
+                    const std::function<Status(const std::vector<std::size_t>& news)>& solve);
 
 // At the end: pending loops that plainly contradict the finished graph are rejected and lose their landmarks.
 int reject_contradicted(GraphModel& model);

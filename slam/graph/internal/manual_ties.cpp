@@ -44,6 +44,8 @@ TieStress stress(std::uint32_t a, std::uint32_t b, const UncertainPose& measured
   TieStress stress;
   stress.a = a;
   stress.b = b;
+  stress.a_from_b = measured.mean;
+  stress.covariance = measured.covariance;
   stress.off_m = s.off_m;
   stress.sigmas = s.sigmas;
   return stress;

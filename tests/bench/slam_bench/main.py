@@ -66,12 +66,18 @@ def arguments_of(words):
 
 def own_copy(program, cache):
     """The program as it is now: a build in the meantime changes nothing."""
-    target = cache.folder / "programs" / hash_of_file(program) / "submapctl"
+    target = cache.folder / "programs" / hash_of_file(program) / program.name
     if not target.exists():
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.copy2(program, target.with_name("aside"))
         os.replace(target.with_name("aside"), target)
     return target
+
+
+def trials_beside(submapctl):
+    """bench_loop_trials of the build that submapctl is of, or None."""
+    program = submapctl.resolve().parent / "../../tests/bench/bench_loop_trials"
+    return program if program.is_file() else None
 
 
 def commit():
@@ -186,9 +192,10 @@ def main(words):
         except (OSError, tomllib.TOMLDecodeError) as problem:
             print(f"tests/bench/slam: {arguments.config}: {problem}", file=sys.stderr)
             return 2
+    trials = trials_beside(arguments.submapctl)
     tools = Tools(own_copy(arguments.submapctl, cache),
-                  own_copy(arguments.simulator, cache) if arguments.simulator else None, os.environ.get("SUBMAPD_DATA"),
-                  configuration)
+                  own_copy(arguments.simulator, cache) if arguments.simulator else None,
+                  own_copy(trials, cache) if trials else None, os.environ.get("SUBMAPD_DATA"), configuration)
     selected = rows.rows_like(arguments.rows)
     wanted = [(label, run) for row in selected for _, label, _, run in runs_of(row, arguments)]
     jobs, impossible = work.plan(wanted, cache, tools)

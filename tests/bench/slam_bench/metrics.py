@@ -10,8 +10,8 @@ import sys
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[3] / "tools"))
 from trajectory_error import interpolate, moved, read_tum, wrap  # pylint: disable=wrong-import-position
 
-__all__ = ["against_relations", "against_truth", "between", "compose", "loops_against_truth", "moved", "pose_at",
-           "read_relations", "read_tum", "slips", "spearman", "wrap"]
+__all__ = ["against_relations", "against_truth", "between", "compose", "end_against_truth", "loops_against_truth", "moved",
+           "pose_at", "read_relations", "read_tum", "slips", "spearman", "wrap"]
 
 LONGEST_GAP_S = 1.0   # of the truth that is interpolated over
 SLICES = 20           # of the run's time, each with its RMSE: where it goes wrong
@@ -175,13 +175,20 @@ def loops_against_truth(report, truth):
     """Confirmed loops of a report.json that are not true, and whether the stated covariances hold (NEES, 3 dof)."""
     stamps = [pose[0] for pose in truth]
     origin = {s["index"]: pose_at(truth, stamps, s["begun_us"] * 1e-6) for s in report["submaps"] if "begun_us" in s}
+
+    def off_truth(pair):
+        a, b = origin.get(pair["a"]), origin.get(pair["b"])
+        if a is None or b is None:
+            return None
+        true, said = between(a, b), pair["a_from_b"]
+        return said[0] - true[0], said[1] - true[1], wrap(said[2] - true[2])
+    links = ((off_truth(link), link["covariance"]) for link in report.get("links", ()))
+    link_nees = [n for off, upper in links if off is not None and (n := mahalanobis2(off, upper)) is not None]
     false, nees, off_m = [], [], []
     for match in report["matches"]:
-        a, b = origin.get(match["a"]), origin.get(match["b"])
-        if a is None or b is None:
+        off = off_truth(match)
+        if off is None:
             continue
-        true, said = between(a, b), match["a_from_b"]
-        off = (said[0] - true[0], said[1] - true[1], wrap(said[2] - true[2]))
         distance = math.hypot(off[0], off[1])
         off_m.append(distance)
         if distance > FALSE_LOOP_M or abs(off[2]) > FALSE_LOOP_RAD:
@@ -200,7 +207,24 @@ def loops_against_truth(report, truth):
         if squared is not None:
             bound_nees.append(squared)
     return {"loops": len(off_m), "false_loops": false, "loop_worst_m": max(off_m, default=0.0),
-            "match_nees": mean(nees), "bound_nees": mean(bound_nees)}
+            "match_nees": mean(nees), "link_nees": mean(link_nees), "bound_nees": mean(bound_nees)}
+
+
+def end_against_truth(report, truth):
+    """How far the run's end is from its start, too much by so much, and the sigma of it that the report states."""
+    submaps, end = report["submaps"], report.get("end")
+    if end is None or "begun_us" not in submaps[0]:
+        return {}
+    stamps = [pose[0] for pose in truth]
+    start, said = submaps[0]["pose"], end["pose"]
+    true_start, true_end = (pose_at(truth, stamps, stamp * 1e-6) for stamp in (submaps[0]["begun_us"], end["stamp_us"]))
+    length_m = math.dist(start[:2], said[:2])
+    if true_start is None or true_end is None or length_m == 0.0:
+        return {}
+    x, y = (said[0] - start[0]) / length_m, (said[1] - start[1]) / length_m
+    xx, xy, _, yy, _, _ = end["covariance_bound"]
+    return {"end_off_m": length_m - math.dist(true_start[:2], true_end[:2]),
+            "end_sigma_m": math.sqrt(max(0.0, x * x * xx + 2.0 * x * y * xy + y * y * yy))}
 
 
 def mean(values):

@@ -41,9 +41,13 @@ def lines_of(row, by_seed, problem):
         return [Line(row.name, (row.name, row.what, "", "", "", "", problem or "not run", ""))]
     lines = []
     for figure in row.figures:
-        values = {seed: figure.value(outcomes) for seed, outcomes in by_seed.items()}
+        if figure.over_all:
+            values = {0: figure.value(list(by_seed.values()))}
+        else:
+            values = {seed: figure.value(outcomes) for seed, outcomes in by_seed.items()}
         known = {seed: v for seed, v in values.items() if v is not None}
-        count = f"{len(known)} of {row.seeds}" + (f"; {problem}" if problem not in ("", "not run") else "")
+        runs = len(by_seed) if figure.over_all and known else len(known)
+        count = f"{runs} of {row.seeds}" + (f"; {problem}" if problem not in ("", "not run") else "")
         if not known:
             lines.append(Line(row.name, (row.name, figure.name, "-", "-", limit(figure.must, figure),
                                          limit(figure.goal, figure), "", count)))
@@ -52,7 +56,7 @@ def lines_of(row, by_seed, problem):
         seed = pick(known, key=known.get)
         worst = text(known[seed], figure.digits) + (f" ({seed})" if len(known) > 1 else "")
         median = text(statistics.median(known.values()), figure.digits)
-        judged = verdict(figure, known[seed], len(known) == row.seeds)
+        judged = verdict(figure, known[seed], runs == row.seeds)
         lines.append(Line(row.name, (row.name, figure.name, median, worst, limit(figure.must, figure),
                                      limit(figure.goal, figure), judged, count)))
     return lines

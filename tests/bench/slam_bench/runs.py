@@ -6,6 +6,7 @@ key is the simulator's bytes and its options, a made one's that of the log it is
 it.
 Everything is written aside and renamed, so whatever exists is whole and a command that was killed goes on where it was.
 """
+import contextlib
 import dataclasses
 import fcntl
 import functools
@@ -49,12 +50,14 @@ def hash_of(value):
     return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()[:16]
 
 
-def call(arguments, limit_s, log):
-    """Runs a program, no longer than we live; its words go into the file `log`. Raises Failed."""
-    with open(log, "wb") as words:
+def call(arguments, limit_s, log, answer=None):
+    """Runs a program, no longer than we live; its words go into the file `log`, what it prints to stdout into `answer`
+    if that is given. Raises Failed."""
+    with open(log, "wb") as words, contextlib.ExitStack() as files:
         try:
             status = subprocess.run(["setpriv", "--pdeathsig", "KILL", *map(str, arguments)], stdin=subprocess.DEVNULL,
-                                    stdout=words, stderr=subprocess.STDOUT, timeout=limit_s, check=False).returncode
+                                    stdout=files.enter_context(open(answer, "wb")) if answer else words,
+                                    stderr=words, timeout=limit_s, check=False).returncode
         except subprocess.TimeoutExpired:
             status = f"none after {limit_s} s"
     if status != 0:
@@ -147,8 +150,9 @@ class Drifted:
 class Tools:
     """The programs that are measured, and where the data are."""
 
-    def __init__(self, submapctl, simulator, data_folder, configuration):
+    def __init__(self, submapctl, simulator, trials, data_folder, configuration):
         self.submapctl = pathlib.Path(submapctl).resolve()
+        self.trials_program = trials  # of the same build, or None
         self.simulator = pathlib.Path(simulator or submapctl).resolve()
         self.data_folder = pathlib.Path(data_folder).resolve() if data_folder else None
         self.configuration = configuration  # {section: {key: value}}: under every run's own
@@ -161,6 +165,11 @@ class Tools:
         if not found.exists():
             raise NotBuilt(f"no data: {path}")
         return found
+
+    def trials(self):
+        if self.trials_program is None:
+            raise NotBuilt("not built: bench_loop_trials")
+        return self.trials_program
 
     def world(self, name):
         return self.data(name) if "." in name else name
@@ -199,6 +208,7 @@ class Run:
     configuration: tuple = ()          # ((section, key, value), ...)
     cost: float = 30.0                 # seconds it is thought to take, until it has been measured
     score: str = "truth"               # truth, relations, parts (of a kidnap), pairs (of sub-maps) or none
+    trials: tuple | None = None        # of loops, on its sub-maps: options of bench_loop_trials
 
     def shortened(self, minutes):
         """The same on a simulated log of so many minutes."""
@@ -213,7 +223,8 @@ class Run:
         return toml(merged)
 
     def key(self, tools):
-        return hash_of([hash_of_file(tools.submapctl), self.log.key(tools), self.options, self.merged(tools)])
+        trials = [] if self.trials is None else [hash_of_file(tools.trials()), self.trials]
+        return hash_of([hash_of_file(tools.submapctl), self.log.key(tools), self.options, self.merged(tools), *trials])
 
 
 @dataclasses.dataclass
@@ -225,6 +236,7 @@ class Outcome:
     report: dict
     score: dict
     digests: dict  # of trajectory.tum and graph.g2o
+    trials: dict | None = None  # what bench_loop_trials found
 
 
 # --- cache --------------------------------------------------------------------------------------------------------
@@ -272,7 +284,7 @@ class Cache:
             packed = aside / "truth.tum.gz"
             with open(truth, "rb") as source, gzip.open(packed, "wb", compresslevel=6) as target:
                 shutil.copyfileobj(source, target)
-            os.replace(packed, self.folder / "truth" / f"{key}.tum.gz")
+            os.replace(packed, self.truth_path(key))
             truth.unlink()
         notes = aside / "notes.json"
         if notes.exists():
@@ -282,8 +294,11 @@ class Cache:
     def drop_log(self, key):
         shutil.rmtree(self.folder / "logs" / key, ignore_errors=True)
 
+    def truth_path(self, log_key):
+        return self.folder / "truth" / f"{log_key}.tum.gz"
+
     def truth(self, log_key):
-        return read_packed_tum(self.folder / "truth" / f"{log_key}.tum.gz")
+        return read_packed_tum(self.truth_path(log_key))
 
     def notes(self, log_key):
         return json.loads((self.folder / "truth" / f"{log_key}.json").read_text())
@@ -315,6 +330,8 @@ class Cache:
                 shutil.copyfileobj(source, target)
         if run.score == "pairs":
             carmen_sparse.note_submaps(out / "submaps", aside / "submaps.json")
+        if run.trials is not None:
+            self.try_loops(run, tools, log_key, out, aside)
         for name in KEPT:
             os.rename(out / name, aside / name)
         shutil.rmtree(out)
@@ -322,6 +339,14 @@ class Cache:
             {"wall_s": wall_s, "digests": digests, "log": log_key, "options": run.options, "configuration": text,
              "program": hash_of_file(tools.submapctl), "described": repr(run.log)}, indent=1))
         os.rename(aside, self.run_folder(key))
+
+    def try_loops(self, run, tools, log_key, out, aside):
+        """Loop trials on a replay's sub-maps, which are not kept."""
+        truth = aside / "truth.tum"
+        with gzip.open(self.truth_path(log_key), "rb") as source, open(truth, "wb") as target:
+            shutil.copyfileobj(source, target)
+        call([tools.trials(), out, truth, *run.trials], REPLAY_LIMIT_S, aside / "trials.txt", aside / "trials.json")
+        truth.unlink()
 
     def outcome(self, run, tools):
         """A done run, or None. Scores it if the scripts that score have changed since."""
@@ -343,7 +368,8 @@ class Cache:
             aside = folder / "score.json.aside"
             aside.write_text(json.dumps(score, indent=1))
             os.replace(aside, folder / "score.json")
-        return Outcome(key, folder, metrics_json, report, score, about["digests"])
+        trials = None if run.trials is None else json.loads((folder / "trials.json").read_text())
+        return Outcome(key, folder, metrics_json, report, score, about["digests"], trials)
 
     def score(self, run, tools, log_key, folder, report):
         if run.score == "none":
@@ -358,6 +384,7 @@ class Cache:
             submaps = json.loads((folder / "submaps.json").read_text())
             return carmen_sparse.score_pairs(estimate, truth, submaps, report)
         return {**(metrics.against_truth(estimate, truth) or {}), **metrics.loops_against_truth(report, truth),
+                **metrics.end_against_truth(report, truth),
                 "slips": metrics.slips(read_packed_tum(folder / "trajectory_filter.tum.gz"), truth)}
 
     # Times that earlier runs took, by what they did and not by program.
