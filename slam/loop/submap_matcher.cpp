@@ -115,7 +115,7 @@ void verify(const MapView& a, const MapView& b, const Alignment& alignment, cons
   match.overlap_m2 = overlap.area_m2;
   match.overlap_share = overlap.share;
   match.score = internal::fitting_share(a, b, match.a_from_b);
-  match.contradiction = internal::contradiction_share(a.plane, b.plane, match.a_from_b);
+  match.contradiction = internal::contradiction_share(a, b, match.a_from_b);
   if (match.overlap_m2 < options.min_overlap_m2 || match.overlap_share < options.min_overlap_share) {
     match.verdict = MatchVerdict::kSmallOverlap;
   } else if (match.score < options.min_score) {
@@ -218,25 +218,26 @@ SubmapMatch SubmapMatcher::search(const FinishedSubmap& a, const FinishedSubmap&
     return match;
   }
   judge_placement(*view_a, *view_b, found->a_from_b, prior, options_, match);
-  if (match.verdict != MatchVerdict::kAccepted) {
-    return match;
-  }
   const internal::ExclusionZone zone{found->a_from_b, kDistinct_m, kDistinct_rad};
   const auto second =
       placements.best(static_cast<std::int32_t>(std::ceil(options_.max_second_peak * found->score)) + 1, &zone);
   if (!second) {
     return match;
   }
-  match.second_peak = static_cast<double>(second->score) / static_cast<double>(found->score);
-  if (!second->exhausted) {
-    // The search's cells are coarse: what counts is how well the rival fits once it is aligned, if it stays a rival.
+  if (second->exhausted) {
+    match.second_peak = static_cast<double>(second->score) / static_cast<double>(found->score);
+  } else {
+    // The search's cells are coarse: what counts is whether the rival passes once it is aligned, if it stays a rival.
     SubmapMatch rival = named(a, b, second->a_from_b);
     judge_placement(*view_a, *view_b, second->a_from_b, prior, options_, rival);
     const Pose2 apart = between(match.a_from_b, rival.a_from_b);
     const bool distinct = apart.translation().norm() > kDistinct_m || std::abs(apart.yaw) > kDistinct_rad;
-    match.second_peak = distinct ? rival.score / match.score : 0.0;
+    if (rival.verdict == MatchVerdict::kAccepted && distinct) {
+      if (match.verdict != MatchVerdict::kAccepted) return rival;
+      match.second_peak = rival.score / match.score;
+    }
   }
-  if (match.second_peak > options_.max_second_peak) {
+  if (match.verdict == MatchVerdict::kAccepted && match.second_peak > options_.max_second_peak) {
     match.verdict = MatchVerdict::kAmbiguous;
   }
   return match;

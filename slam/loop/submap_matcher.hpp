@@ -21,7 +21,7 @@ struct SubmapMatcherOptions {
   double max_window_rad = 3.1416;
   double min_score = 0.60;  // of overlapping surface points
   double min_overlap_m2 = 25.0;
-  double min_overlap_share = 0.25;  // of the smaller
+  double min_overlap_share = 0.10;  // of the smaller
   double max_contradiction = 0.06;
   bool contradiction_test = true;  // [experiment]: off, `max_contradiction` is not asked
   double max_second_peak = 0.80;
@@ -38,7 +38,8 @@ class SubmapMatcher {
  public:
   explicit SubmapMatcher(const SubmapMatcherOptions& options) : options_(options) {}
 
-  // Searches b's placement in a within 3 sigma of the prior, refines the best, judges it by every test of notes 9.2.
+  // Searches b's placement in a within 3 sigma of the prior, refines the best, judges it by every test of notes 9.2. If
+  // it is refused, the next best may be the place; if both pass, neither is.
   // All figures are filled in as far as the match got; verdict says why it stopped.
   [[nodiscard]] SubmapMatch search(const FinishedSubmap& a, const FinishedSubmap& b, const MatchPrior& prior) const;
 

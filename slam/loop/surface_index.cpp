@@ -13,6 +13,8 @@ constexpr double kPoolCosine = 0.94;    // 20 deg
 constexpr double kPoolAcross_m = 0.08;
 constexpr double kMeanSigma_m = 0.01;  // of a surface mean however many hits it has: cell effects, drift inside the map
 
+constexpr std::uint16_t kLastingKeyframes = 3;
+
 }  // namespace
 
 SurfaceIndex::SurfaceIndex(const FinishedSubmap& submap) {
@@ -20,6 +22,10 @@ SurfaceIndex::SurfaceIndex(const FinishedSubmap& submap) {
   const auto often_hit =
       std::count_if(surface.begin(), surface.end(), [](const SurfacePoint& p) { return p.hits >= kMinHits; });
   const std::uint16_t min_hits = 2 * static_cast<std::size_t>(often_hit) >= surface.size() ? kMinHits : 1;
+  const auto lasting = std::count_if(surface.begin(), surface.end(),
+                                     [](const SurfacePoint& p) { return p.keyframes >= kLastingKeyframes; });
+  const std::uint16_t min_keyframes =
+      2 * static_cast<std::size_t>(lasting) >= surface.size() ? kLastingKeyframes : std::uint16_t{0};
   elements_.reserve(surface.size());
   for (std::size_t i = 0; i < surface.size(); ++i) {
     const SurfacePoint& p = surface[i];
@@ -32,6 +38,7 @@ SurfaceIndex::SurfaceIndex(const FinishedSubmap& submap) {
     const double spread = p.sigma_m;
     element.variance_m2 = kMeanSigma_m * kMeanSigma_m + spread * spread / static_cast<double>(p.hits);
     element.source = static_cast<std::uint32_t>(i);
+    element.lasting = p.keyframes >= min_keyframes;
     elements_.push_back(element);
   }
   build_buckets();

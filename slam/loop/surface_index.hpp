@@ -18,6 +18,7 @@ struct SurfaceElement {
   Eigen::Vector2d normal = Eigen::Vector2d::Zero();  // unit, or zero if not line-like
   double variance_m2 = 0.0;                          // of the mean (across the line)
   std::uint32_t source = 0;                          // index into FinishedSubmap::surface
+  bool lasting = true;  // hit by three key-frames: nobody who walked by; all, if those are too few
   [[nodiscard]] bool line_like() const { return !normal.isZero(0.0); }
 };
 

@@ -118,7 +118,7 @@ class TrialGround {
 
   TrialRun run_;
   TrialOptions options_;
-  PairTools tools_ = default_pair_tools();
+  PairTools tools_ = default_pair_tools({});
   std::vector<graph::SubmapRecord> records_;
   std::vector<graph::ChainLink> links_;  // to the sub-map before
   std::array<std::vector<Pair>, kTrialKinds> pairs_;

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <cstring>
 #include <span>
 
 namespace submapd::internal {
@@ -13,7 +12,7 @@ constexpr double kFitAcross_m = 0.10;
 constexpr double kFitAlong_m = 0.25;    // a line reaches that far between the hits of a sparse scan
 constexpr double kFitCosine = 0.866;    // 30 deg
 constexpr int kOverlapStride = 2;       // cells; a quarter of them measures the area well enough
-constexpr std::size_t kMinJudged = 20;  // occupied cells; fewer prove nothing
+constexpr std::size_t kMinJudged = 20;  // surface points; fewer prove nothing
 
 struct Share {
   std::size_t part = 0;
@@ -66,24 +65,26 @@ Share fitting(const SurfaceIndex& points, const MapView& target, const Pose2& ta
   return share;
 }
 
-double contradicted(const CellPlane& points, const CellPlane& target, const Pose2& target_from_points) {
+bool any_occupied_around(const CellPlane& plane, const Eigen::Vector2i& cell) {
+  for (int y = -1; y <= 1; ++y) {
+    for (int x = -1; x <= 1; ++x) {
+      if (plane.kind(cell.x() + x, cell.y() + y) == CellKind::kOccupied) return true;
+    }
+  }
+  return false;
+}
+
+// Only what stands there to the end counts: people leave surfaces behind where cells are free again, and cells where
+// nobody looked again.
+double contradicted(const MapView& points, const CellPlane& target, const Pose2& target_from_points) {
   Share share;
   const Eigen::Matrix2d turn = rotation(target_from_points.yaw);
-  for (int y = 0; y < points.height(); ++y) {
-    const std::span<const CellKind> row = points.row(y);
-    const auto next_occupied = [&](std::size_t from) -> const void* {
-      return std::memchr(row.data() + from, static_cast<int>(CellKind::kOccupied), row.size() - from);
-    };
-    for (const void* found = next_occupied(0); found != nullptr;) {
-      const auto x = static_cast<std::size_t>(static_cast<const CellKind*>(found) - row.data());
-      const Eigen::Vector2d place = points.centre_of(static_cast<int>(x), y);
-      const Eigen::Vector2i cell = target.cell_at(turn * place + target_from_points.translation());
-      if (target.kind(cell.x(), cell.y()) != CellKind::kUnknown) {
-        ++share.whole;
-        share.part += all_free_around(target, cell) ? 1 : 0;
-      }
-      found = next_occupied(x + 1);
-    }
+  for (const SurfaceElement& element : points.surface.elements()) {
+    if (!element.lasting || !any_occupied_around(points.plane, points.plane.cell_at(element.mean))) continue;
+    const Eigen::Vector2i cell = target.cell_at(turn * element.mean + target_from_points.translation());
+    if (target.kind(cell.x(), cell.y()) == CellKind::kUnknown) continue;
+    ++share.whole;
+    share.part += all_free_around(target, cell) ? 1 : 0;
   }
   return share.whole < kMinJudged ? 0.0 : static_cast<double>(share.part) / static_cast<double>(share.whole);
 }
@@ -120,8 +121,8 @@ double fitting_share(const MapView& a, const MapView& b, const Pose2& a_from_b) 
   return whole == 0 ? 0.0 : static_cast<double>(on_a.part + on_b.part) / static_cast<double>(whole);
 }
 
-double contradiction_share(const CellPlane& a, const CellPlane& b, const Pose2& a_from_b) {
-  return std::max(contradicted(b, a, a_from_b), contradicted(a, b, inverse(a_from_b)));
+double contradiction_share(const MapView& a, const MapView& b, const Pose2& a_from_b) {
+  return std::max(contradicted(b, a.plane, a_from_b), contradicted(a, b.plane, inverse(a_from_b)));
 }
 
 }  // namespace submapd::internal

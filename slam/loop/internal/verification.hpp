@@ -22,8 +22,9 @@ struct Overlap {
 // Share of the surface points lying where the other sub-map knows the cells that have a fitting piece of surface there.
 [[nodiscard]] double fitting_share(const MapView& a, const MapView& b, const Pose2& a_from_b);
 
-// Share of the occupied cells lying where the other sub-map knows the cells that it has looked through with certainty;
-// of the two directions the worse one, since furniture that is in one room only contradicts in one direction only.
-[[nodiscard]] double contradiction_share(const CellPlane& a, const CellPlane& b, const Pose2& a_from_b);
+// Share of the lasting surface points lying where the other sub-map knows the cells that it has looked through with
+// certainty; of the two directions the worse one, since furniture that is in one room only contradicts in one direction
+// only.
+[[nodiscard]] double contradiction_share(const MapView& a, const MapView& b, const Pose2& a_from_b);
 
 }  // namespace submapd::internal

@@ -119,6 +119,42 @@ TEST(SubmapMatcher, ACabinetTellsTwinRoomsApart) {
   EXPECT_LT(same.contradiction, 0.5 * twins.contradiction);
 }
 
+// Somebody who walked where the cabinet stands was hit by a key-frame or two.
+TEST(SubmapMatcher, PassersByContradictNothing) {
+  FinishedSubmap person = twin_room(true, 0);
+  for (SurfacePoint& p : person.surface) {
+    const bool of_cabinet = p.x > 2.1F && p.x < 3.5F && p.y > 1.3F && p.y < 2.1F;
+    if (of_cabinet) p.keyframes = 2;
+  }
+  const SubmapMatch match =
+      SubmapMatcher(SubmapMatcherOptions{}).search(person, twin_room(false, 1), prior_at({0.2, 0.1, 0.02}, 0.5, 0.05));
+  EXPECT_EQ(match.verdict, MatchVerdict::kAccepted) << match.contradiction;
+}
+
+// Pillars every 3 m along a hall, and one cupboard: a bay farther all but the cupboard fits.
+TEST(SubmapMatcher, ARivalThatIsContradictedIsNone) {
+  World hall;
+  hall.wall(-30.0, 0.0, 50.0, 0.0).wall(-30.0, 6.0, 50.0, 6.0).box(7.4, 2.4, 9.2, 3.6);
+  for (int k = -10; k < 17; ++k) {
+    hall.box(3.0 * k - 0.2, 0.0, 3.0 * k + 0.2, 0.6).box(3.0 * k - 0.2, 5.4, 3.0 * k + 0.2, 6.0);
+  }
+  const auto visit = [&hall](double from_m, std::uint32_t index) {
+    return make_submap(
+        hall, walk({{from_m, 1.6}, {from_m + 5.0, 1.6}, {from_m + 5.0, 4.4}, {from_m, 4.4}}, 0.25, 100 * index),
+        {SyntheticSensor::dense(), index, index + 1, 5.0});
+  };
+  const FinishedSubmap a = visit(4.5, 0);
+  const FinishedSubmap b = visit(5.5, 1);
+  const Pose2 truth = true_pose(a, b);
+  SubmapMatcherOptions credulous;
+  credulous.contradiction_test = false;
+  const MatchPrior prior = prior_at(truth, 1.2, 0.05);
+  EXPECT_EQ(SubmapMatcher(credulous).search(a, b, prior).verdict, MatchVerdict::kAmbiguous);
+  const SubmapMatch match = SubmapMatcher(SubmapMatcherOptions{}).search(a, b, prior);
+  EXPECT_EQ(match.verdict, MatchVerdict::kAccepted) << match.second_peak << ' ' << match.contradiction;
+  EXPECT_LT(error_of(match, truth).m, 0.05);
+}
+
 TEST(SubmapMatcher, ABareCorridorIsWeakOrAmbiguous) {
   World world;
   world.box(0.0, 0.0, 100.0, 2.5);
