@@ -74,8 +74,8 @@ struct Mapper::Impl {
     return slow() ? prediction_error.sigma(of_motion, step_s / period.usual_s()) : of_motion;
   }
 
-  // The time that a motion may have taken: in a slow log a step far shorter than the usual one is a wrong stamp, by which
-  // a slow turn would be one beyond any cart's.
+  // The time that a motion may have taken: in a slow log a step far shorter than the usual one is a wrong stamp, by
+  // which a slow turn would be one beyond any cart's.
   [[nodiscard]] double motion_time_s(double step_s) const {
     return slow() ? std::max(step_s, period.usual_s()) : step_s;
   }
