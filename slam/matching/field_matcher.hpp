@@ -14,7 +14,7 @@ struct FieldMatcherOptions {
   double sigma_m = 0.05;   // of one point's distance
   double cauchy_m = 0.15;  // c of the weight 1 / (1 + (d / c)^2)
   double kappa = 8.0;      // neighbouring beams are correlated: information counts 1 / kappa
-  double stop_m = 0.003;  // the surfaces take it from there
+  double stop_m = 0.003;   // the surfaces take it from there
   double stop_rad = 0.0005;
 };
 
