@@ -230,9 +230,10 @@ std::vector<SurfacePoint> IndexMap::export_surface() const {
     SurfacePoint point;
     point.x = surface_centre(static_cast<int>(face.cell % kSurfaceSide)) + face.sum_x / face.n;
     point.y = surface_centre(static_cast<int>(face.cell / kSurfaceSide)) + face.sum_y / face.n;
-    point.normal_x = face.line().normal_x;
-    point.normal_y = face.line().normal_y;
-    point.sigma_m = face.line().sigma_m;
+    const PooledLine& line = face.line();
+    point.normal_x = line.normal_x;
+    point.normal_y = line.normal_y;
+    point.sigma_m = line.sigma_m;
     point.hits = static_cast<std::uint16_t>(std::min(face.n, 65535.0F));
     point.keyframes = face.keyframes;
     point.view_sectors = face.view_sectors;

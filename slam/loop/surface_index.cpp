@@ -12,20 +12,22 @@ constexpr double kPoolRadius_m = 0.16;  // a 10 cm cell and its neighbours
 constexpr double kPoolCosine = 0.94;    // 20 deg
 constexpr double kPoolAcross_m = 0.08;
 constexpr double kMeanSigma_m = 0.01;  // of a surface mean however many hits it has: cell effects, drift inside the map
-
 constexpr std::uint16_t kLastingKeyframes = 3;
+
+// What a point must count to be one of many: `wanted`, unless most of the sub-map counts less (few, sparse scans).
+std::uint16_t bound_for(const std::vector<SurfacePoint>& surface, std::uint16_t SurfacePoint::*counted,
+                        std::uint16_t wanted, std::uint16_t otherwise) {
+  const auto enough = std::count_if(surface.begin(), surface.end(),
+                                    [=](const SurfacePoint& point) { return point.*counted >= wanted; });
+  return 2 * static_cast<std::size_t>(enough) >= surface.size() ? wanted : otherwise;
+}
 
 }  // namespace
 
 SurfaceIndex::SurfaceIndex(const FinishedSubmap& submap) {
   const auto& surface = submap.surface;
-  const auto often_hit =
-      std::count_if(surface.begin(), surface.end(), [](const SurfacePoint& p) { return p.hits >= kMinHits; });
-  const std::uint16_t min_hits = 2 * static_cast<std::size_t>(often_hit) >= surface.size() ? kMinHits : 1;
-  const auto lasting = std::count_if(surface.begin(), surface.end(),
-                                     [](const SurfacePoint& p) { return p.keyframes >= kLastingKeyframes; });
-  const std::uint16_t min_keyframes =
-      2 * static_cast<std::size_t>(lasting) >= surface.size() ? kLastingKeyframes : std::uint16_t{0};
+  const std::uint16_t min_hits = bound_for(surface, &SurfacePoint::hits, kMinHits, 1);
+  const std::uint16_t min_keyframes = bound_for(surface, &SurfacePoint::keyframes, kLastingKeyframes, 0);
   elements_.reserve(surface.size());
   for (std::size_t i = 0; i < surface.size(); ++i) {
     const SurfacePoint& p = surface[i];

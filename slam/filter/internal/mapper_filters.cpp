@@ -104,15 +104,19 @@ void Mapper::Impl::apply_match(Particle& p, double step_s, std::uint64_t scan_in
   p.pose = {mode.x + d(0), mode.y + d(1), mode.yaw + d(2)};
 }
 
+LineSystem Mapper::Impl::lines_at(const Pose2& pose, const WeakMotion& weak, LinesOf lines) const {
+  LineMatcherOptions matcher = options.matcher.lines;
+  matcher.lines = lines;
+  return line_system(registration.points().thinned(), window.front().map().surface(),
+                     registration.points().angle_step_rad(), pose, weak, matcher);
+}
+
 Pose2 Mapper::Impl::start_along_axis(const MotionPrior& prior) const {
   const double sigma_m = std::sqrt(axial_variance_m2);
   if (!degeneracy.active() || sigma_m < kWithinReach_m) return prior.pose;
   const WeakMotion& weak = prior.weak;
   const auto information_at = [&](double along_m) {
-    return line_system(registration.points().thinned(), window.front().map().surface(),
-                       registration.points().angle_step_rad(), weak.moved(prior.pose, along_m), weak,
-                       options.matcher.lines)
-        .axial_information;
+    return lines_at(weak.moved(prior.pose, along_m), weak, LinesOf::kCell).axial_information;
   };
   const int steps = static_cast<int>(std::min(kSearchSigmas * sigma_m, kFarthest_m) / kSearchStep_m);
   double most = std::max(kMuchMore * information_at(0.0), kFound);
@@ -169,19 +173,13 @@ void Mapper::Impl::watch_degeneracy(double step_s) {
   const Particle& best = set.best();
   axial.note_speed(std::hypot(best.twist.vx, best.twist.vy), step_s);
   const Pose2 predicted = compose(best.pose, predict(best, step_s).delta);
-  const auto look = [&](const WeakMotion& weak, LinesOf lines) {
-    LineMatcherOptions matcher = options.matcher.lines;
-    matcher.lines = lines;
-    return line_system(registration.points().thinned(), window.front().map().surface(),
-                       registration.points().angle_step_rad(), predicted, weak, matcher);
-  };
   const bool was_weak = degeneracy.weak();
   const bool was_active = degeneracy.active();
-  const LineSystem system = look({}, LinesOf::kNeighbourhood);
+  const LineSystem system = lines_at(predicted, {}, LinesOf::kNeighbourhood);
   degeneracy.update(system.equations.H, system.associated, step_s);
   if (!degeneracy.weak()) return;
   const WeakMotion weak{degeneracy.axis(), degeneracy.turn_rad_m()};
-  degeneracy.hold(look(weak, LinesOf::kCell).axial_information);
+  degeneracy.hold(lines_at(predicted, weak, LinesOf::kCell).axial_information);
   if (!was_weak) axial.start();
   axial_variance_m2 = axial.predict(step_s, degeneracy.active());
   if (!degeneracy.active() || was_active || !single()) return;

@@ -89,10 +89,12 @@ struct Mapper::Impl {
   KnownFit filter_by_sampling(const Scan& scan, double step_s);
   // The improved proposal of one particle: Gaussian about the match (design notes 6.1 b).
   void apply_match(Particle& p, double step_s, std::uint64_t scan_index, std::uint64_t index);
-  // `found` is set to the last wide search's result, if one was needed.
+  // The walls against the scan at a pose.
+  [[nodiscard]] LineSystem lines_at(const Pose2& pose, const WeakMotion& weak, LinesOf lines) const;
   // Where nothing held the axis for a while, the first thing that does is seldom within the matcher's reach: of the
   // places along it, the one whose walls hold it best, if any does; the prediction otherwise.
   [[nodiscard]] Pose2 start_along_axis(const MotionPrior& prior) const;
+  // `found` is set to the last wide search's result, if one was needed.
   KnownFit filter_by_matching(const Scan& scan, double step_s, std::optional<CorrelativeResult>& found);
   // Odometry holds the direction that the walls do not, and a twist from a slow log is no match for it: no latch then.
   void watch_degeneracy(double step_s);
@@ -122,6 +124,9 @@ struct Mapper::Impl {
   // It fits much worse than scans have of late. In slow logs one wrong key-frame is all that the next scan has to go
   // by.
   [[nodiscard]] bool doubtful(const KnownFit& fit);
+
+  // Makes the scan a key-frame, if the front has room for one more.
+  void add_keyframe(const Scan& scan, ScanReport& report);
 
   // ---- after a gap ----
 

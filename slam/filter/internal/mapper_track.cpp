@@ -103,6 +103,17 @@ bool Mapper::Impl::wants_keyframe(const Scan& scan) const {
          (distance > 0.1 * options.keyframe_m || std::abs(step.yaw) > 0.2 * options.keyframe_rad);
 }
 
+void Mapper::Impl::add_keyframe(const Scan& scan, ScanReport& report) {
+  if (window.room() <= set.pending_keyframes()) {  // nobody took the last finished sub-map yet, or it is never full
+    ++counters.keyframes_refused;
+    return;
+  }
+  report.keyframe_step = since_keyframe();
+  report.keyframe_linked = true;
+  report.keyframe = true;
+  insert_keyframe(scan);
+}
+
 bool Mapper::Impl::doubtful(const KnownFit& fit) {
   if (usual_fit == 0.0) usual_fit = fit.matched_ratio;
   const bool worse = fit.matched_ratio < usual_fit - kMuchWorse;
@@ -199,12 +210,7 @@ void Mapper::Impl::pick_up(const Scan& scan, double gap_s, ScanReport& report, K
   fit = registration.fit(view, p.pose);
   lost_scans = 0;
   lost_time_s = 0.0;
-  if (window.room() > set.pending_keyframes()) {
-    report.keyframe_step = since_keyframe();
-    report.keyframe_linked = true;
-    report.keyframe = true;
-    insert_keyframe(scan);
-  }
+  add_keyframe(scan, report);
   refill();
 }
 
@@ -234,14 +240,7 @@ void Mapper::Impl::track(const Scan& scan, double elapsed_s, ScanReport& report,
     report.lost = false;
     pick_up(scan, kAnyTime_s, report, fit);
   } else if (fits && !doubtful(fit) && wants_keyframe(scan)) {
-    if (window.room() <= set.pending_keyframes()) {  // nobody took the last finished sub-map yet, or it is never full
-      ++counters.keyframes_refused;
-      return;
-    }
-    report.keyframe_step = since_keyframe();
-    report.keyframe_linked = true;
-    report.keyframe = true;
-    insert_keyframe(scan);
+    add_keyframe(scan, report);
   }
 }
 

@@ -23,9 +23,9 @@ class ScanRegistration {
 
   void assign(const Scan& scan, const Twist2& twist) { points_.assign(scan, twist); }
   [[nodiscard]] const ScanPoints& points() const { return points_; }
-  // How much more than in a run of a fast scanner each scan tells of the place, from now on.
   // What scans are aligned to from here on.
   void set_lines(LinesOf lines) { matcher_.lines.lines = lines; }
+  // How much more than in a run of a fast scanner each scan tells of the place, from now on.
   void set_evidence(double times) { evidence_ = times; }
 
   // Too few points: the sensor sees nothing, which is no new territory.

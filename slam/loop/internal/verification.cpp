@@ -19,10 +19,12 @@ struct Share {
   std::size_t whole = 0;
 };
 
-bool any_known_around(const CellPlane& plane, const Eigen::Vector2i& cell) {
+// Whether the cell or one of its eight neighbours is of a kind for which `wanted` holds.
+template <typename Wanted>
+bool any_around(const CellPlane& plane, const Eigen::Vector2i& cell, Wanted wanted) {
   for (int y = -1; y <= 1; ++y) {
     for (int x = -1; x <= 1; ++x) {
-      if (plane.kind(cell.x() + x, cell.y() + y) != CellKind::kUnknown) {
+      if (wanted(plane.kind(cell.x() + x, cell.y() + y))) {
         return true;
       }
     }
@@ -30,15 +32,16 @@ bool any_known_around(const CellPlane& plane, const Eigen::Vector2i& cell) {
   return false;
 }
 
+bool any_known_around(const CellPlane& plane, const Eigen::Vector2i& cell) {
+  return any_around(plane, cell, [](CellKind kind) { return kind != CellKind::kUnknown; });
+}
+
+bool any_occupied_around(const CellPlane& plane, const Eigen::Vector2i& cell) {
+  return any_around(plane, cell, [](CellKind kind) { return kind == CellKind::kOccupied; });
+}
+
 bool all_free_around(const CellPlane& plane, const Eigen::Vector2i& cell) {
-  for (int y = -1; y <= 1; ++y) {
-    for (int x = -1; x <= 1; ++x) {
-      if (plane.kind(cell.x() + x, cell.y() + y) != CellKind::kFree) {
-        return false;
-      }
-    }
-  }
-  return true;
+  return !any_around(plane, cell, [](CellKind kind) { return kind != CellKind::kFree; });
 }
 
 bool fits(const SurfaceIndex& target, const Eigen::Vector2d& place, const Eigen::Vector2d& normal) {
@@ -63,15 +66,6 @@ Share fitting(const SurfaceIndex& points, const MapView& target, const Pose2& ta
     share.part += fits(target.surface, place, turn * element.normal) ? 1 : 0;
   }
   return share;
-}
-
-bool any_occupied_around(const CellPlane& plane, const Eigen::Vector2i& cell) {
-  for (int y = -1; y <= 1; ++y) {
-    for (int x = -1; x <= 1; ++x) {
-      if (plane.kind(cell.x() + x, cell.y() + y) == CellKind::kOccupied) return true;
-    }
-  }
-  return false;
 }
 
 // Only what stands there to the end counts: people leave surfaces behind where cells are free again, and cells where
