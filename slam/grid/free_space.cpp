@@ -13,7 +13,8 @@ Eigen::Vector2f place_beams(const Pose2& pose, std::span<const BeamEnd> beams, c
   const auto y = static_cast<float>(pose.y);
   placed.clear();
   for (const BeamEnd& b : beams.first(std::min(beams.size(), placed.capacity()))) {
-    placed.push_back({x + c * b.x - s * b.y, y + s * b.x + c * b.y, b.range_m, b.hit});
+    placed.push_back({x + c * b.x - s * b.y, y + s * b.x + c * b.y, b.range_m, b.hit, c * b.normal_x - s * b.normal_y,
+                      s * b.normal_x + c * b.normal_y});
   }
   return {x + c * origin.x() - s * origin.y(), y + s * origin.x() + c * origin.y()};
 }

@@ -27,6 +27,8 @@ struct BeamEnd {
   float y = 0.0F;        // m
   float range_m = 0.0F;  // distance from the sensor; 0: no evidence along this beam
   bool hit = true;       // false: free along range_m but nothing was hit at its end
+  float normal_x = 0.0F;  // unit, of the surface hit, towards the sensor; (0, 0) if unknown
+  float normal_y = 0.0F;
 };
 
 // Beams and their origin moved by `pose`; returns the moved origin. Keeps what fits into placed's capacity: no

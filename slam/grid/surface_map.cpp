@@ -11,6 +11,7 @@ namespace {
 
 constexpr float kMaxHits = 2000.0F;         // halve beyond: finite inertia against moved walls
 constexpr float kSameSide = -0.17F;         // cosine: views up to 100 deg apart belong to one face
+constexpr float kSameNormal = 0.7F;          // cosine: 45 deg
 constexpr float kLineRatio = 0.1F;          // smaller to larger eigenvalue of a line's scatter
 constexpr float kMinLineSpread_m2 = 4e-4F;  // (2 cm)^2 along a line at least
 constexpr float kMinHitsForLine = 3.0F;
@@ -25,6 +26,31 @@ bool same_side(const SurfaceFace& face, float view_x, float view_y) {
   if (dot >= 0.0F) return true;
   const float square = face.view_x * face.view_x + face.view_y * face.view_y;
   return dot * dot < kSameSide * kSameSide * square;
+}
+
+// Whether what is seen so is the face: by their normals where both are known, else by the side.
+bool same_face(const SurfaceFace& face, const SurfaceLook& look) {
+  const float dot = face.normal_x * look.normal_x + face.normal_y * look.normal_y;
+  if (dot != 0.0F) {
+    if (dot < 0.0F) return false;
+    const float square = face.normal_x * face.normal_x + face.normal_y * face.normal_y;
+    return dot * dot > kSameNormal * kSameNormal * square;
+  }
+  return same_side(face, look.view_x, look.view_y);
+}
+
+// Unit views and normals of a face.
+SurfaceLook look_of(const SurfaceFace& face) {
+  SurfaceLook look;
+  if (const float norm = std::hypot(face.view_x, face.view_y); norm > 0.0F) {
+    look.view_x = face.view_x / norm;
+    look.view_y = face.view_y / norm;
+  }
+  if (const float norm = std::hypot(face.normal_x, face.normal_y); norm > 0.0F) {
+    look.normal_x = face.normal_x / norm;
+    look.normal_y = face.normal_y / norm;
+  }
+  return look;
 }
 
 int surface_index(float position_m) {
@@ -131,16 +157,16 @@ void SurfaceMap::clear() {
   scan_ = 0;
 }
 
-std::uint16_t SurfaceMap::find_face(int ix, int iy, float view_x, float view_y) const {
+std::uint16_t SurfaceMap::find_face(int ix, int iy, const SurfaceLook& look) const {
   std::uint16_t f = blocks_[directory_[block_index(ix, iy)]].slot[slot_index(ix, iy)];
   while (f != 0) {
-    if (same_side(faces_[f], view_x, view_y)) return f;
+    if (same_face(faces_[f], look)) return f;
     f = faces_[f].other;
   }
   return 0;
 }
 
-std::uint16_t SurfaceMap::ensure_face(int ix, int iy, float view_x, float view_y) {
+std::uint16_t SurfaceMap::ensure_face(int ix, int iy, const SurfaceLook& look) {
   std::uint16_t& handle = directory_[block_index(ix, iy)];
   if (handle == 0) {
     if (used_blocks_ == blocks_.size()) {
@@ -152,7 +178,7 @@ std::uint16_t SurfaceMap::ensure_face(int ix, int iy, float view_x, float view_y
   }
   std::uint16_t* link = &blocks_[handle].slot[slot_index(ix, iy)];
   while (*link != 0) {
-    if (same_side(faces_[*link], view_x, view_y)) return *link;
+    if (same_face(faces_[*link], look)) return *link;
     link = &faces_[*link].other;
   }
   if (used_faces_ == faces_.size()) {
@@ -163,8 +189,11 @@ std::uint16_t SurfaceMap::ensure_face(int ix, int iy, float view_x, float view_y
   SurfaceFace& face = faces_[*link];
   face = SurfaceFace{};
   face.cell = static_cast<std::uint32_t>(iy * kSurfaceSide + ix);
-  face.view_x = view_x * 1e-3F;  // a hint until the cell has hits of its own
-  face.view_y = view_y * 1e-3F;
+  constexpr float kHint = 1e-3F;  // until the cell has hits of its own
+  face.view_x = look.view_x * kHint;
+  face.view_y = look.view_y * kHint;
+  face.normal_x = look.normal_x * kHint;
+  face.normal_y = look.normal_y * kHint;
   return *link;
 }
 
@@ -179,7 +208,7 @@ void SurfaceMap::insert(std::span<const SurfaceHit> hits) {
     const int ix = surface_index(hit.x);
     const int iy = surface_index(hit.y);
     if (!in_surface(ix, iy)) continue;
-    const std::uint16_t f = ensure_face(ix, iy, hit.view_x, hit.view_y);
+    const std::uint16_t f = ensure_face(ix, iy, {hit.view_x, hit.view_y, hit.normal_x, hit.normal_y});
     if (f == 0) continue;
     SurfaceFace& face = faces_[f];
     const float dx = hit.x - surface_centre(ix);
@@ -192,6 +221,8 @@ void SurfaceMap::insert(std::span<const SurfaceHit> hits) {
     face.sum_yy += dy * dy;
     face.view_x += hit.view_x;
     face.view_y += hit.view_y;
+    face.normal_x += hit.normal_x;
+    face.normal_y += hit.normal_y;
     face.view_sectors = static_cast<std::uint8_t>(face.view_sectors | (1U << octant(hit.view_x, hit.view_y)));
     if (face.touched_scan != scan_) {
       face.touched_scan = scan_;
@@ -204,20 +235,19 @@ void SurfaceMap::insert(std::span<const SurfaceHit> hits) {
     SurfaceFace& face = faces_[t];
     if (face.n > kMaxHits) {
       for (float* s :
-           {&face.n, &face.sum_x, &face.sum_y, &face.sum_xx, &face.sum_xy, &face.sum_yy, &face.view_x, &face.view_y}) {
+           {&face.n, &face.sum_x, &face.sum_y, &face.sum_xx, &face.sum_xy, &face.sum_yy, &face.view_x, &face.view_y,
+                       &face.normal_x, &face.normal_y}) {
         *s *= 0.5F;
       }
     }
     const int ix = static_cast<int>(face.cell % kSurfaceSide);
     const int iy = static_cast<int>(face.cell / kSurfaceSide);
-    const float norm = std::hypot(face.view_x, face.view_y);
-    const float vx = norm > 0.0F ? face.view_x / norm : 0.0F;
-    const float vy = norm > 0.0F ? face.view_y / norm : 0.0F;
+    const SurfaceLook look = look_of(face);
     const float added = face.pending;
     face.pending = 0.0F;
     for (int ny = iy - 1; ny <= iy + 1; ++ny) {
       for (int nx = ix - 1; nx <= ix + 1; ++nx) {
-        const std::uint16_t f = in_surface(nx, ny) ? ensure_face(nx, ny, vx, vy) : std::uint16_t{0};
+        const std::uint16_t f = in_surface(nx, ny) ? ensure_face(nx, ny, look) : std::uint16_t{0};
         if (f == 0) continue;
         faces_[f].pending += added;
       }
@@ -240,13 +270,11 @@ void SurfaceMap::insert(std::span<const SurfaceHit> hits) {
 void SurfaceMap::refresh(SurfaceFace& face) {
   const int ix = static_cast<int>(face.cell % kSurfaceSide);
   const int iy = static_cast<int>(face.cell / kSurfaceSide);
-  const float norm = std::hypot(face.view_x, face.view_y);
-  const float vx = norm > 0.0F ? face.view_x / norm : 0.0F;
-  const float vy = norm > 0.0F ? face.view_y / norm : 0.0F;
+  const SurfaceLook look = look_of(face);
   Moments all;
   for (int ny = iy - 1; ny <= iy + 1; ++ny) {
     for (int nx = ix - 1; nx <= ix + 1; ++nx) {
-      const std::uint16_t f = find_face(nx, ny, vx, vy);
+      const std::uint16_t f = find_face(nx, ny, look);
       if (f != 0) all.add(faces_[f], nx - ix, ny - iy);
     }
   }
@@ -279,11 +307,11 @@ void SurfaceMap::forget(double x_m, double y_m) {
   }
 }
 
-const SurfaceFace* SurfaceMap::face_at(float x_m, float y_m, float view_x, float view_y) const {
+const SurfaceFace* SurfaceMap::face_at(float x_m, float y_m, const SurfaceLook& look) const {
   const int ix = surface_index(x_m);
   const int iy = surface_index(y_m);
   if (!in_surface(ix, iy)) return nullptr;
-  const std::uint16_t f = find_face(ix, iy, view_x, view_y);
+  const std::uint16_t f = find_face(ix, iy, look);
   return f == 0 ? nullptr : &faces_[f];
 }
 

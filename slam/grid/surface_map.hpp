@@ -41,6 +41,14 @@ struct PooledLine {
   SurfaceKind kind = SurfaceKind::kNone;
 };
 
+// How a face is seen: what tells the faces of one cell apart.
+struct SurfaceLook {
+  float view_x = 0.0F;  // unit, towards the sensor
+  float view_y = 0.0F;
+  float normal_x = 0.0F;  // unit, towards the sensor; (0, 0) if unknown
+  float normal_y = 0.0F;
+};
+
 struct SurfaceFace {
   // Statistics of this cell's own hits, about the cell's centre.
   float n = 0.0F;
@@ -51,6 +59,8 @@ struct SurfaceFace {
   float sum_yy = 0.0F;
   float view_x = 0.0F;  // mean direction towards the sensor, not normalised
   float view_y = 0.0F;
+  float normal_x = 0.0F;  // mean normal, not normalised; (0, 0) while no scan told it
+  float normal_y = 0.0F;
   PooledLine pooled;               // of the 3 x 3 cells
   PooledLine own;                  // of this cell alone; kNone where `pooled` says as much or there are few hits
   float pending = 0.0F;            // hits in the 3 x 3 cells since the lines were computed
@@ -68,6 +78,8 @@ struct SurfaceHit {
   float y = 0.0F;
   float view_x = 0.0F;  // unit vector from the hit towards the sensor
   float view_y = 0.0F;
+  float normal_x = 0.0F;  // unit, of the surface, towards the sensor; (0, 0) if unknown
+  float normal_y = 0.0F;
 };
 
 class SurfaceMap {
@@ -81,13 +93,13 @@ class SurfaceMap {
   void forget(double x_m, double y_m);
 
   // Line near (x, y) as seen from direction `view` (unit, towards the sensor); nullptr if there is none.
-  [[nodiscard]] const PooledLine* find(float x_m, float y_m, float view_x, float view_y) const {
-    const SurfaceFace* face = face_at(x_m, y_m, view_x, view_y);
+  [[nodiscard]] const PooledLine* find(float x_m, float y_m, const SurfaceLook& look) const {
+    const SurfaceFace* face = face_at(x_m, y_m, look);
     return face != nullptr && face->line().kind != SurfaceKind::kNone ? &face->line() : nullptr;
   }
   // The same of the 3 x 3 cells, whatever they hold.
-  [[nodiscard]] const PooledLine* find_pooled(float x_m, float y_m, float view_x, float view_y) const {
-    const SurfaceFace* face = face_at(x_m, y_m, view_x, view_y);
+  [[nodiscard]] const PooledLine* find_pooled(float x_m, float y_m, const SurfaceLook& look) const {
+    const SurfaceFace* face = face_at(x_m, y_m, look);
     return face != nullptr && face->pooled.kind != SurfaceKind::kNone ? &face->pooled : nullptr;
   }
 
@@ -104,10 +116,10 @@ class SurfaceMap {
     std::array<std::uint16_t, kSurfacePerBlock> slot{};
   };
   // Face of the cell that agrees with the view, made if there is room; 0 if not.
-  std::uint16_t ensure_face(int ix, int iy, float view_x, float view_y);
-  [[nodiscard]] std::uint16_t find_face(int ix, int iy, float view_x, float view_y) const;
+  std::uint16_t ensure_face(int ix, int iy, const SurfaceLook& look);
+  [[nodiscard]] std::uint16_t find_face(int ix, int iy, const SurfaceLook& look) const;
   // nullptr if there is none.
-  [[nodiscard]] const SurfaceFace* face_at(float x_m, float y_m, float view_x, float view_y) const;
+  [[nodiscard]] const SurfaceFace* face_at(float x_m, float y_m, const SurfaceLook& look) const;
   void refresh(SurfaceFace& face);
 
   std::vector<SurfaceFace> faces_;

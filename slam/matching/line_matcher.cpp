@@ -32,8 +32,9 @@ LineSystem line_system(std::span<const ScanPoint> points, const SurfaceMap& surf
     const float y = ty + ry;
     const float vx = c * p.view_x - s * p.view_y;
     const float vy = s * p.view_x + c * p.view_y;
+    const SurfaceLook look{vx, vy, c * p.normal_x - s * p.normal_y, s * p.normal_x + c * p.normal_y};
     const PooledLine* line =
-        options.lines == LinesOf::kCell ? surface.find(x, y, vx, vy) : surface.find_pooled(x, y, vx, vy);
+        options.lines == LinesOf::kCell ? surface.find(x, y, look) : surface.find_pooled(x, y, look);
     if (line == nullptr) continue;
     const float dx = x - line->mean_x;
     const float dy = y - line->mean_y;

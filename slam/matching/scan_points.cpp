@@ -19,7 +19,7 @@ double slope_angle(double range, double neighbour, double step_rad) {
 }  // namespace
 
 ScanPoints::ScanPoints(const ScanPointOptions& options, int max_beams)
-    : options_(options), max_beams_(static_cast<std::size_t>(max_beams)) {
+    : options_(options), max_beams_(static_cast<std::size_t>(max_beams)), normals_(max_beams_) {
   all_.reserve(max_beams_);
   thinned_.reserve(max_beams_);
   beams_.reserve(max_beams_);
@@ -126,6 +126,14 @@ void ScanPoints::assign(const Scan& scan, const Twist2& twist) {
     all_[i].weight = std::sqrt(std::clamp(spacing / kVoxel_m, 0.02F, 1.0F));
   }
   mark_alone();
+  normals_.fill(all_);
+  auto point = all_.begin();
+  for (BeamEnd& end : beams_) {
+    if (!end.hit || end.range_m <= 0.0F) continue;
+    end.normal_x = point->normal_x;
+    end.normal_y = point->normal_y;
+    ++point;
+  }
   thin();
 }
 

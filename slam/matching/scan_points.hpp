@@ -11,6 +11,8 @@
 
 #include "slam/base/pose2.hpp"
 #include "slam/grid/free_space.hpp"
+#include "slam/matching/scan_point.hpp"
+#include "slam/matching/surface_normals.hpp"
 #include "slam/scan/scan.hpp"
 
 namespace submapd {
@@ -20,16 +22,6 @@ struct ScanPointOptions {
   double min_spacing_m = 0.025;     // thinned points are at least this far apart
   double mixed_pixel_rad = 0.1396;  // 8 deg: flatter slopes to both neighbours are veils between surfaces
   bool error_code_is_free = false;  // sensor's code 1 means "nothing there up to the range limit"
-};
-
-struct ScanPoint {
-  float x = 0.0F;  // m, base frame at the scan's stamp
-  float y = 0.0F;
-  float view_x = 0.0F;  // unit, from the point towards the sensor, base frame
-  float view_y = 0.0F;
-  float range_m = 0.0F;
-  float weight = 1.0F;  // for all-beam sums: near, dense walls must not drown far ones
-  bool alone = false;   // of something small in front of all that is seen beside it: it may walk
 };
 
 class ScanPoints {
@@ -63,6 +55,7 @@ class ScanPoints {
   std::vector<BeamEnd> beams_;
   std::vector<std::uint8_t> usable_;
   std::vector<float> ranges_scratch_;
+  SurfaceNormals normals_;
   std::vector<Eigen::Vector2f> directions_;  // of the beams in the base frame, for table_geometry_
   ScanGeometry table_geometry_;
   Eigen::Vector2f origin_ = Eigen::Vector2f::Zero();
