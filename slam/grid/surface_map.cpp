@@ -15,6 +15,8 @@ constexpr float kSameNormal = 0.7F;          // cosine: 45 deg
 constexpr float kLineRatio = 0.1F;          // smaller to larger eigenvalue of a line's scatter
 constexpr float kMinLineSpread_m2 = 4e-4F;  // (2 cm)^2 along a line at least
 constexpr float kMinHitsForLine = 3.0F;
+constexpr float kNormalsForLine = 5.0F;
+constexpr float kAgree = 0.97F;
 constexpr float kFewHits = 5.0F;       // make no line of a cell alone
 constexpr float kWider = 1.2F;         // mean square off a line through nine cells over that through one ...
 constexpr float kWider_m2 = 1.6e-5F;   // ... and (4 mm)^2: more is no straight wall
@@ -71,6 +73,8 @@ struct Moments {
   float xx = 0.0F;
   float xy = 0.0F;
   float yy = 0.0F;
+  float normal_x = 0.0F;
+  float normal_y = 0.0F;
   std::uint16_t scans = 0;  // of the face that most scans hit
 
   // dx, dy: cells from that cell to the face's.
@@ -80,6 +84,8 @@ struct Moments {
     const float oy = static_cast<float>(dy) * static_cast<float>(kSurfaceCell_m);
     scans = std::max(scans, f.keyframes);
     n += f.n;
+    normal_x += f.normal_x;
+    normal_y += f.normal_y;
     x += f.sum_x + f.n * ox;
     y += f.sum_y + f.n * oy;
     xx += f.sum_xx + 2.0F * ox * f.sum_x + f.n * ox * ox;
@@ -107,20 +113,32 @@ PooledLine line_of(const Moments& m, const SurfaceFace& face) {
   const float large = mean + root;
   const float small = std::max(mean - root, 0.0F);
   line.half_length_m = std::sqrt(large);
-  if (m.n < kMinHitsForLine || large < kMinLineSpread_m2 || small > kLineRatio * large) {
+  const float normals = std::hypot(m.normal_x, m.normal_y);
+  const bool told = normals >= kNormalsForLine;
+  if (m.n >= kMinHitsForLine && large >= kMinLineSpread_m2 && small <= kLineRatio * large) {
+    const float angle = 0.5F * std::atan2(2.0F * cxy, cxx - cyy);  // of the direction along the line
+    line.normal_x = -std::sin(angle);
+    line.normal_y = std::cos(angle);
+    if (line.normal_x * face.view_x + line.normal_y * face.view_y < 0.0F) {
+      line.normal_x = -line.normal_x;
+      line.normal_y = -line.normal_y;
+    }
+    line.sigma_m = std::sqrt(small);
+    line.kind = SurfaceKind::kLine;
+    if (!told || std::abs(line.normal_x * m.normal_x + line.normal_y * m.normal_y) >= kAgree * normals) return line;
+  }
+  if (!told) {
     line.kind = SurfaceKind::kPoint;
     line.sigma_m = std::sqrt(mean);
     return line;
   }
-  const float angle = 0.5F * std::atan2(2.0F * cxy, cxx - cyy);  // of the direction along the line
+  // Short or in steps: what the single scans saw tells its direction.
   line.kind = SurfaceKind::kLine;
-  line.normal_x = -std::sin(angle);
-  line.normal_y = std::cos(angle);
-  if (line.normal_x * face.view_x + line.normal_y * face.view_y < 0.0F) {
-    line.normal_x = -line.normal_x;
-    line.normal_y = -line.normal_y;
-  }
-  line.sigma_m = std::sqrt(small);
+  line.normal_x = m.normal_x / normals;
+  line.normal_y = m.normal_y / normals;
+  line.sigma_m = std::sqrt(std::max(line.normal_x * line.normal_x * cxx + 2.0F * line.normal_x * line.normal_y * cxy +
+                                        line.normal_y * line.normal_y * cyy,
+                                    0.0F));
   return line;
 }
 

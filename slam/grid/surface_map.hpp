@@ -49,7 +49,11 @@ struct SurfaceLook {
   float normal_y = 0.0F;
 };
 
-struct SurfaceFace {
+struct alignas(64) SurfaceFace {
+  float view_x = 0.0F;  // mean direction towards the sensor, not normalised
+  float view_y = 0.0F;
+  float normal_x = 0.0F;  // mean normal, not normalised; (0, 0) while no scan told it
+  float normal_y = 0.0F;
   // Statistics of this cell's own hits, about the cell's centre.
   float n = 0.0F;
   float sum_x = 0.0F;
@@ -57,18 +61,14 @@ struct SurfaceFace {
   float sum_xx = 0.0F;
   float sum_xy = 0.0F;
   float sum_yy = 0.0F;
-  float view_x = 0.0F;  // mean direction towards the sensor, not normalised
-  float view_y = 0.0F;
-  float normal_x = 0.0F;  // mean normal, not normalised; (0, 0) while no scan told it
-  float normal_y = 0.0F;
-  PooledLine pooled;               // of the 3 x 3 cells
-  PooledLine own;                  // of this cell alone; kNone where `pooled` says as much or there are few hits
   float pending = 0.0F;            // hits in the 3 x 3 cells since the lines were computed
   std::uint32_t cell = 0;          // iy * kSurfaceSide + ix
   std::uint16_t other = 0;         // the cell's next face; 0: none
   std::uint16_t keyframes = 0;     // scans that hit it; saturates
   std::uint16_t touched_scan = 0;  // marks faces hit by the scan being inserted
   std::uint8_t view_sectors = 0;
+  alignas(64) PooledLine pooled;  // of the 3 x 3 cells
+  PooledLine own;                 // of this cell alone; kNone where `pooled` says as much or there are few hits
 
   [[nodiscard]] const PooledLine& line() const { return own.kind == SurfaceKind::kNone ? pooled : own; }
 };

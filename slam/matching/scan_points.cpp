@@ -16,6 +16,13 @@ double slope_angle(double range, double neighbour, double step_rad) {
   return std::atan2(neighbour * std::sin(step_rad), std::abs(range - neighbour * std::cos(step_rad)));
 }
 
+// No point is so far that std::hypot's care pays for its time.
+float apart_m(const ScanPoint& a, const ScanPoint& b) {
+  const float dx = a.x - b.x;
+  const float dy = a.y - b.y;
+  return std::sqrt(dx * dx + dy * dy);
+}
+
 }  // namespace
 
 ScanPoints::ScanPoints(const ScanPointOptions& options, int max_beams)
@@ -122,7 +129,7 @@ void ScanPoints::assign(const Scan& scan, const Twist2& twist) {
   // Inverse root of the number of beams that fall on one surface cell, from the spacing to the next point.
   for (std::size_t i = 0; i < all_.size(); ++i) {
     const ScanPoint& next = all_[i + 1 < all_.size() ? i + 1 : i - (i > 0 ? 1 : 0)];
-    const float spacing = std::hypot(next.x - all_[i].x, next.y - all_[i].y);
+    const float spacing = apart_m(next, all_[i]);
     all_[i].weight = std::sqrt(std::clamp(spacing / kVoxel_m, 0.02F, 1.0F));
   }
   mark_alone();
@@ -142,11 +149,11 @@ void ScanPoints::mark_alone() {
   for (std::size_t i = 0; i + 1 < all_.size(); ++i) {
     const ScanPoint& p = all_[i];
     const ScanPoint& next = all_[i + 1];
-    if (std::hypot(next.x - p.x, next.y - p.y) < kApart_m) continue;
+    if (apart_m(next, p) < kApart_m) continue;
     const ScanPoint& begin = all_[first];
     const bool in_front =
         first > 0 && all_[first - 1].range_m > begin.range_m + kApart_m && next.range_m > p.range_m + kApart_m;
-    if (in_front && std::hypot(p.x - begin.x, p.y - begin.y) < kSmall_m) {
+    if (in_front && apart_m(p, begin) < kSmall_m) {
       for (std::size_t k = first; k <= i; ++k) all_[k].alone = true;
     }
     first = i + 1;
@@ -159,14 +166,14 @@ void ScanPoints::thin() {
   // Length of the seen contour without its jumps decides the spacing that leaves about thin_to points.
   float length = 0.0F;
   for (std::size_t i = 1; i < all_.size(); ++i) {
-    length += std::min(std::hypot(all_[i].x - all_[i - 1].x, all_[i].y - all_[i - 1].y), 0.3F);
+    length += std::min(apart_m(all_[i], all_[i - 1]), 0.3F);
   }
   const float spacing =
       std::max(static_cast<float>(options_.min_spacing_m), length / static_cast<float>(options_.thin_to));
   thinned_.push_back(all_.front());
   for (const ScanPoint& p : all_) {
     const ScanPoint& last = thinned_.back();
-    if (std::hypot(p.x - last.x, p.y - last.y) >= spacing) thinned_.push_back(p);
+    if (apart_m(p, last) >= spacing) thinned_.push_back(p);
   }
   // Wide jumps count as 0.3 m above but keep both their points: a scan of many may need a second thinning, by number.
   const auto limit = static_cast<std::size_t>(options_.thin_to);

@@ -1,95 +1,118 @@
 #include "slam/matching/surface_normals.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
 
 namespace submapd {
 namespace {
 
-constexpr float kSpacings = 6.0F;     // a window is as long as so many gaps between points ...
-constexpr float kShortest_m = 0.06F;  // ... but not shorter
-constexpr float kLongest_m = 0.15F;   // ... nor longer
-constexpr std::size_t kFewest = 3;
-constexpr float kDirectionSigma_rad = 0.25F;  // less well known is unknown
-constexpr float kGrazing = 0.03F;             // cosine to the ray: which side is the sensor's is noise
+constexpr float kShortest_m = 0.06F;  // of a window
+constexpr float kLongest_m = 0.15F;
+constexpr float kGaps = 6.0F;                 // between points, in a window if that is not too short or too long
+constexpr std::size_t kMostGaps = 20;
+constexpr std::size_t kFewest = 3;            // points
+constexpr std::size_t kStride = 3;            // noise makes next points look farther apart than they are
+constexpr float kDirectionSigma_rad = 0.25F;  // known less well is unknown
+constexpr float kGrazing = 0.03F;             // cosine to the ray: less, and which side is the sensor's is noise
+constexpr float kNone = std::numeric_limits<float>::max();
+
+constexpr float square(float x) {
+  return x * x;
+}
+
+float apart2(const ScanPoint& a, const ScanPoint& b) {
+  return square(a.x - b.x) + square(a.y - b.y);
+}
 
 }  // namespace
 
+struct SurfaceNormals::Scatter {
+  float xx;
+  float xy;
+  float yy;
+  float small;   // eigenvalue: mean square off the line
+  float off_m2;  // the same, not made less by few points; kNone if they make no line
+};
+
 SurfaceNormals::SurfaceNormals(std::size_t max_points) {
   before_.reserve(max_points + 1);
+  begin_.reserve(max_points);
+  end_.reserve(max_points);
 }
 
-SurfaceNormals::Line SurfaceNormals::line_through(std::size_t first, std::size_t last) const {
-  Line line;
-  const std::size_t count = last + 1 - first;
-  if (count < kFewest) return line;
+inline SurfaceNormals::Scatter SurfaceNormals::scatter_of(std::size_t first, std::size_t last) const {
   const Sums& a = before_[first];
   const Sums& b = before_[last + 1];
-  const double n = static_cast<double>(count);
-  const double mx = (b.x - a.x) / n;
-  const double my = (b.y - a.y) / n;
-  const auto cxx = static_cast<float>((b.xx - a.xx) / n - mx * mx);
-  const auto cxy = static_cast<float>((b.xy - a.xy) / n - mx * my);
-  const auto cyy = static_cast<float>((b.yy - a.yy) / n - my * my);
-  const float mean = 0.5F * (cxx + cyy);
-  const float half = 0.5F * (cxx - cyy);
-  const float root = std::sqrt(half * half + cxy * cxy);
-  const float large = mean + root;
-  const float small = std::max(mean - root, 1e-6F) * static_cast<float>(count) / static_cast<float>(count - 2);
-  if (small > kDirectionSigma_rad * kDirectionSigma_rad * static_cast<float>(count) * large) return line;
-  // The scatter times this is its smaller eigenvalue times this.
-  line.small_m2 = small;
-  float nx = half > 0.0F ? -cxy : cyy - (mean - root);
-  float ny = half > 0.0F ? cxx - (mean - root) : -cxy;
-  const float norm = std::sqrt(nx * nx + ny * ny);
-  if (norm < 1e-12F) return line;
-  line.normal_x = nx / norm;
-  line.normal_y = ny / norm;
-  line.known = true;
-  return line;
+  const auto n = static_cast<float>(last + 1 - first);
+  const double inverse = 1.0 / static_cast<double>(n);
+  const double mx = (b.x - a.x) * inverse;
+  const double my = (b.y - a.y) * inverse;
+  Scatter s;
+  s.xx = static_cast<float>((b.xx - a.xx) * inverse - mx * mx);
+  s.xy = static_cast<float>((b.xy - a.xy) * inverse - mx * my);
+  s.yy = static_cast<float>((b.yy - a.yy) * inverse - my * my);
+  const float mean = 0.5F * (s.xx + s.yy);
+  const float root = std::sqrt(square(0.5F * (s.xx - s.yy)) + square(s.xy));
+  s.small = std::max(mean - root, 1e-6F);
+  const float off = s.small * n / std::max(n - 2.0F, 0.5F);
+  const bool line = last + 1 >= first + kFewest && off <= square(kDirectionSigma_rad) * n * (mean + root);
+  s.off_m2 = line ? off : kNone;
+  return s;
+}
+
+void SurfaceNormals::find_runs(std::span<const ScanPoint> points) {
+  const std::size_t n = points.size();
+  before_.assign(1, {});
+  begin_.resize(n);
+  end_.resize(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    const auto x = static_cast<double>(points[i].x);
+    const auto y = static_cast<double>(points[i].y);
+    const Sums& s = before_.back();
+    before_.push_back({s.x + x, s.y + y, s.xx + x * x, s.xy + x * y, s.yy + y * y});
+    const bool goes_on = i > 0 && apart2(points[i], points[i - 1]) <= square(kLongest_m);
+    begin_[i] = goes_on ? begin_[i - 1] : static_cast<std::uint32_t>(i);
+  }
+  for (std::size_t i = n; i-- > 0;) {
+    end_[i] = i + 1 < n && begin_[i + 1] == begin_[i] ? end_[i + 1] : static_cast<std::uint32_t>(i);
+  }
 }
 
 void SurfaceNormals::fill(std::span<ScanPoint> points) {
-  before_.clear();
-  before_.push_back({});
-  for (const ScanPoint& p : points) {
-    const auto x = static_cast<double>(p.x);
-    const auto y = static_cast<double>(p.y);
-    const Sums& s = before_.back();
-    before_.push_back({s.x + x, s.y + y, s.xx + x * x, s.xy + x * y, s.yy + y * y});
-  }
-  const auto apart2 = [&](std::size_t i, std::size_t k) {
-    const float dx = points[i].x - points[k].x;
-    const float dy = points[i].y - points[k].y;
-    return dx * dx + dy * dy;
-  };
-  const std::size_t n = points.size();
-  for (std::size_t i = 0; i < n; ++i) {
+  find_runs(points);
+  for (std::size_t i = 0; i < points.size(); ++i) {
     ScanPoint& p = points[i];
     p.normal_x = p.normal_y = 0.0F;
-    const std::size_t left = i > 0 ? i - 1 : i;
-    const std::size_t right = i + 1 < n ? i + 1 : i;
-    const float spacing2 = left == i ? apart2(i, right) : right == i ? apart2(i, left) : std::min(apart2(i, left), apart2(i, right));
-    const float window = std::clamp(kSpacings * std::sqrt(spacing2), kShortest_m, kLongest_m);
-    const float whole2 = window * window;
-    const float half2 = 0.25F * whole2;
-    std::size_t first = i;
-    while (first > 0 && apart2(i, first - 1) <= half2) --first;
-    const std::size_t half_first = first;
-    while (first > 0 && apart2(i, first - 1) <= whole2) --first;
-    std::size_t last = i;
-    while (last + 1 < n && apart2(i, last + 1) <= half2) ++last;
-    const std::size_t half_last = last;
-    while (last + 1 < n && apart2(i, last + 1) <= whole2) ++last;
-    Line best;
-    for (const Line& line : {line_through(half_first, half_last), line_through(first, i), line_through(i, last)}) {
-      if (line.known && (!best.known || line.small_m2 < best.small_m2)) best = line;
-    }
-    if (!best.known) continue;
-    const float facing = best.normal_x * p.view_x + best.normal_y * p.view_y;
-    if (std::abs(facing) < kGrazing) continue;
-    p.normal_x = std::copysign(best.normal_x, best.normal_x * facing);
-    p.normal_y = std::copysign(best.normal_y, best.normal_y * facing);
+    const std::size_t begin = begin_[i];
+    const std::size_t end = end_[i];
+    if (end - begin + 1 < kFewest) continue;
+    const std::size_t left = std::min(i - begin, kStride);
+    const std::size_t right = std::min(end - i, kStride);
+    const float gap_left2 = left > 0 ? apart2(p, points[i - left]) / square(static_cast<float>(left)) : kNone;
+    const float gap_right2 = right > 0 ? apart2(p, points[i + right]) / square(static_cast<float>(right)) : kNone;
+    const float gap_m = std::sqrt(std::min(gap_left2, gap_right2));
+    const float window_m = std::clamp(kGaps * gap_m, kShortest_m, kLongest_m);
+    const auto gaps = static_cast<std::size_t>(std::min(window_m / std::max(gap_m, 1e-3F), static_cast<float>(kMostGaps)));
+    const std::size_t half = (gaps + 1) / 2;
+    const std::array<Scatter, 3> windows{scatter_of(i - std::min(i - begin, half), i + std::min(end - i, half)),
+                                         scatter_of(i - std::min(i - begin, gaps), i),
+                                         scatter_of(i, i + std::min(end - i, gaps))};
+    std::size_t best = windows[1].off_m2 < windows[0].off_m2 ? 1 : 0;
+    best = windows[2].off_m2 < windows[best].off_m2 ? 2 : best;
+    const Scatter& s = windows[best];
+    if (s.off_m2 == kNone) continue;
+    // The eigenvector, from the row of the matrix that is longer.
+    const bool flat = s.xx > s.yy;
+    const float nx = flat ? -s.xy : s.yy - s.small;
+    const float ny = flat ? s.xx - s.small : -s.xy;
+    const float facing = nx * p.view_x + ny * p.view_y;
+    const float norm = std::sqrt(nx * nx + ny * ny);
+    if (std::abs(facing) < kGrazing * norm) continue;
+    const float scale = std::copysign(1.0F / norm, facing);
+    p.normal_x = scale * nx;
+    p.normal_y = scale * ny;
   }
 }
 

@@ -1,10 +1,13 @@
 // The direction of the surface about each point of a scan, from the points beside it.
 //
-// At a corner a window about the point holds two walls and says neither's direction. Of three windows, before, about
-// and behind the point, the one whose points lie closest to a line counts, so a corner stays sharp to a beam or two.
+// A window about a point beside a corner holds two walls and says neither's direction. Of three windows, before, about
+// and behind the point, the one whose points lie closest to a line counts (as in Kuwahara's filter), so that a corner
+// stays sharp to a beam or two. This is what tells the faces of a surface map apart: a jamb of 6 cm and the wall beside
+// it share a cell of 10 cm.
 #pragma once
 
-#include <array>
+#include <cstddef>
+#include <cstdint>
 #include <span>
 #include <vector>
 
@@ -21,6 +24,7 @@ class SurfaceNormals {
   void fill(std::span<ScanPoint> points);
 
  private:
+  // Over all points before one.
   struct Sums {
     double x = 0.0;
     double y = 0.0;
@@ -28,15 +32,14 @@ class SurfaceNormals {
     double xy = 0.0;
     double yy = 0.0;
   };
-  struct Line {
-    float small_m2 = 0.0F;  // mean square off the line, for the window's count
-    float normal_x = 0.0F;
-    float normal_y = 0.0F;
-    bool known = false;
-  };
-  [[nodiscard]] Line line_through(std::size_t first, std::size_t last) const;
+  struct Scatter;
+  [[nodiscard]] Scatter scatter_of(std::size_t first, std::size_t last) const;
 
-  std::vector<Sums> before_;  // of all points before this one
+  void find_runs(std::span<const ScanPoint> points);
+
+  std::vector<Sums> before_;
+  std::vector<std::uint32_t> begin_;  // of the run of points without a gap that a point belongs to
+  std::vector<std::uint32_t> end_;
 };
 
 }  // namespace submapd
