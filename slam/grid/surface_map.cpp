@@ -20,6 +20,7 @@ constexpr float kAgree = 0.97F;
 constexpr float kFewHits = 5.0F;       // make no line of a cell alone
 constexpr float kWider = 1.2F;         // mean square off a line through nine cells over that through one ...
 constexpr float kWider_m2 = 1.6e-5F;   // ... and (4 mm)^2: more is no straight wall
+constexpr float kAsIfHits = 4.0F;      // seen before any
 constexpr float kOfHits_m2 = 1.4e-4F;  // (12 mm)^2: mean square of hits off a wall
 
 // Whether the view (a unit vector) and the face's look at one side: cosine above kSameSide.
@@ -94,6 +95,11 @@ struct Moments {
   }
 };
 
+// Spread off a line whose mean square over n hits is off_m2: few of them lie close to their own line by chance.
+float spread_m(float off_m2, float n) {
+  return std::sqrt((n * off_m2 + kAsIfHits * kOfHits_m2) / (std::max(n - 2.0F, 0.0F) + kAsIfHits));
+}
+
 // Line through them, or a point where they make none; its normal towards who sees the face.
 PooledLine line_of(const Moments& m, const SurfaceFace& face) {
   PooledLine line;
@@ -123,7 +129,7 @@ PooledLine line_of(const Moments& m, const SurfaceFace& face) {
       line.normal_x = -line.normal_x;
       line.normal_y = -line.normal_y;
     }
-    line.sigma_m = std::sqrt(small);
+    line.sigma_m = spread_m(small, m.n);
     line.kind = SurfaceKind::kLine;
     if (!told || std::abs(line.normal_x * m.normal_x + line.normal_y * m.normal_y) >= kAgree * normals) return line;
   }
@@ -136,9 +142,9 @@ PooledLine line_of(const Moments& m, const SurfaceFace& face) {
   line.kind = SurfaceKind::kLine;
   line.normal_x = m.normal_x / normals;
   line.normal_y = m.normal_y / normals;
-  line.sigma_m = std::sqrt(std::max(line.normal_x * line.normal_x * cxx + 2.0F * line.normal_x * line.normal_y * cxy +
-                                        line.normal_y * line.normal_y * cyy,
-                                    0.0F));
+  const float off_m2 = line.normal_x * line.normal_x * cxx + 2.0F * line.normal_x * line.normal_y * cxy +
+                       line.normal_y * line.normal_y * cyy;
+  line.sigma_m = spread_m(std::max(off_m2, 0.0F), m.n);
   return line;
 }
 
@@ -146,7 +152,7 @@ PooledLine line_of(const Moments& m, const SurfaceFace& face) {
 bool straight(const PooledLine& pooled, const PooledLine& own) {
   if (pooled.kind != SurfaceKind::kLine) return false;
   // A cell on whose border the wall lies holds half of its hits, and those lie closer together than hits do.
-  const float of_own = std::max(own.sigma_m * own.sigma_m * own.count / (own.count - 2.0F), kOfHits_m2);
+  const float of_own = std::max(own.sigma_m * own.sigma_m, kOfHits_m2);
   return pooled.sigma_m * pooled.sigma_m <= kWider * of_own + kWider_m2;
 }
 

@@ -4,6 +4,11 @@
 #include <cmath>
 
 namespace submapd {
+namespace {
+
+constexpr float kPerFar_m = 0.1F;  // beyond 10 m ranges err more, by data sheets
+
+}  // namespace
 
 LineSystem line_system(std::span<const ScanPoint> points, const SurfaceMap& surface, double angle_step_rad,
                        const Pose2& pose, const WeakMotion& weak_motion, const LineMatcherOptions& options) {
@@ -18,7 +23,7 @@ LineSystem line_system(std::span<const ScanPoint> points, const SurfaceMap& surf
   const auto s = static_cast<float>(std::sin(pose.yaw));
   const auto tx = static_cast<float>(pose.x);
   const auto ty = static_cast<float>(pose.y);
-  const auto range_var = static_cast<float>(options.range_sigma_m * options.range_sigma_m);
+  const auto near_sigma = static_cast<float>(options.range_sigma_m);
   const auto beam_sigma = static_cast<float>(options.beam_sigma_steps * angle_step_rad);
   const auto min_var = static_cast<float>(options.min_line_sigma_m * options.min_line_sigma_m);
   const auto gate = static_cast<float>(options.gate_m);
@@ -38,6 +43,8 @@ LineSystem line_system(std::span<const ScanPoint> points, const SurfaceMap& surf
     if (line == nullptr) continue;
     const float dx = x - line->mean_x;
     const float dy = y - line->mean_y;
+    const float range_sigma = near_sigma * std::max(1.0F, p.range_m * kPerFar_m);
+    const float range_var = range_sigma * range_sigma;
     const float map_var = line->sigma_m * line->sigma_m / line->count + min_var;
     const float cross = p.range_m * beam_sigma;
     if (line->kind == SurfaceKind::kLine) {
