@@ -107,15 +107,17 @@ void IndexMap::review_cell(Block& block, int offset) {
   }
 }
 
-void IndexMap::add_hit(CellIndex cell) {
+bool IndexMap::add_hit(CellIndex cell) {
   Block* block = ensure_block(block_of(cell));
-  if (block == nullptr) return;
+  if (block == nullptr) return false;
   const int offset = offset_of(cell);
   const auto o = static_cast<std::size_t>(offset);
-  if (block->marks[o] == scan_mark_) return;  // one count a cell and scan
-  block->marks[o] = scan_mark_;
-  ++block->hits[o];
-  review_cell(*block, offset);
+  if (block->marks[o] != scan_mark_) {  // one count a cell and scan
+    block->marks[o] = scan_mark_;
+    ++block->hits[o];
+    review_cell(*block, offset);
+  }
+  return block->misses[o] > block->hits[o];
 }
 
 void IndexMap::add_free_span(const RowSpan& span) {
@@ -160,11 +162,11 @@ bool IndexMap::insert(const Eigen::Vector2f& origin, std::span<const BeamEnd> be
       ++refused_;
       continue;
     }
-    add_hit(cell);
+    const bool in_free = add_hit(cell);
     if (hits_.size() < hits_.capacity()) {
       const float s = 1.0F / beam.range_m;
       hits_.push_back({beam.x, beam.y, (origin.x() - beam.x) * s, (origin.y() - beam.y) * s, beam.normal_x,
-                       beam.normal_y});
+                       beam.normal_y, in_free});
     }
   }
   surface_.insert(hits_);

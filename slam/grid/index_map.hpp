@@ -90,7 +90,8 @@ class IndexMap {
   };
 
   Block* ensure_block(int block);
-  void add_hit(CellIndex cell);
+  // Returns whether the cell was seen free more often than hit.
+  bool add_hit(CellIndex cell);
   void add_free_span(const RowSpan& span);
   void review_cell(Block& block, int offset);
   void rebuild_dirty();

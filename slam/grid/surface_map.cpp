@@ -76,6 +76,7 @@ struct Moments {
   float yy = 0.0F;
   float normal_x = 0.0F;
   float normal_y = 0.0F;
+  float in_free = 0.0F;
   std::uint16_t scans = 0;  // of the face that most scans hit
 
   // dx, dy: cells from that cell to the face's.
@@ -85,6 +86,7 @@ struct Moments {
     const float oy = static_cast<float>(dy) * static_cast<float>(kSurfaceCell_m);
     scans = std::max(scans, f.keyframes);
     n += f.n;
+    in_free += f.in_free;
     normal_x += f.normal_x;
     normal_y += f.normal_y;
     x += f.sum_x + f.n * ox;
@@ -105,6 +107,7 @@ PooledLine line_of(const Moments& m, const SurfaceFace& face) {
   PooledLine line;
   line.count = m.n;
   line.scans = m.scans;
+  line.moved = 2.0F * m.in_free > m.n;
   if (m.n < 1.0F) return line;
   const float mx = m.x / m.n;
   const float my = m.y / m.n;
@@ -247,6 +250,7 @@ void SurfaceMap::insert(std::span<const SurfaceHit> hits) {
     face.view_y += hit.view_y;
     face.normal_x += hit.normal_x;
     face.normal_y += hit.normal_y;
+    face.in_free += hit.in_free ? 1.0F : 0.0F;
     face.view_sectors = static_cast<std::uint8_t>(face.view_sectors | (1U << octant(hit.view_x, hit.view_y)));
     if (face.touched_scan != scan_) {
       face.touched_scan = scan_;
@@ -259,7 +263,7 @@ void SurfaceMap::insert(std::span<const SurfaceHit> hits) {
     SurfaceFace& face = faces_[t];
     if (face.n > kMaxHits) {
       for (float* s :
-           {&face.n, &face.sum_x, &face.sum_y, &face.sum_xx, &face.sum_xy, &face.sum_yy, &face.view_x, &face.view_y,
+           {&face.n, &face.sum_x, &face.sum_y, &face.sum_xx, &face.sum_xy, &face.sum_yy, &face.view_x, &face.view_y, &face.in_free,
                        &face.normal_x, &face.normal_y}) {
         *s *= 0.5F;
       }
@@ -317,7 +321,7 @@ void SurfaceMap::forget(double x_m, double y_m) {
   for (std::uint16_t f = blocks_[directory_[block_index(ix, iy)]].slot[slot_index(ix, iy)]; f != 0;
        f = faces_[f].other) {
     SurfaceFace& face = faces_[f];
-    face.n = face.sum_x = face.sum_y = face.sum_xx = face.sum_xy = face.sum_yy = 0.0F;
+    face.n = face.sum_x = face.sum_y = face.sum_xx = face.sum_xy = face.sum_yy = face.in_free = 0.0F;
     face.keyframes = 0;
     face.view_sectors = 0;
   }

@@ -39,6 +39,7 @@ struct PooledLine {
   float count = 0.0F;          // hits pooled
   std::uint16_t scans = 0;     // of the pooled cell that most scans hit: what stands still gathers them
   SurfaceKind kind = SurfaceKind::kNone;
+  bool moved = false;  // most of its hits lie where the map had been seen free: it came there
 };
 
 // How a face is seen: what tells the faces of one cell apart.
@@ -61,6 +62,7 @@ struct alignas(64) SurfaceFace {
   float sum_xx = 0.0F;
   float sum_xy = 0.0F;
   float sum_yy = 0.0F;
+  float in_free = 0.0F;            // hits where the map had been seen free
   float pending = 0.0F;            // hits in the 3 x 3 cells since the lines were computed
   std::uint32_t cell = 0;          // iy * kSurfaceSide + ix
   std::uint16_t other = 0;         // the cell's next face; 0: none
@@ -80,6 +82,7 @@ struct SurfaceHit {
   float view_y = 0.0F;
   float normal_x = 0.0F;  // unit, of the surface, towards the sensor; (0, 0) if unknown
   float normal_y = 0.0F;
+  bool in_free = false;  // where the map has been seen free: of something that moves
 };
 
 class SurfaceMap {

@@ -64,7 +64,7 @@ LineSystem line_system(std::span<const ScanPoint> points, const SurfaceMap& surf
       if (weak) {
         // What is taken off leaves a row that does not change with the weak motion.
         const float along = nx * ax + ny * ay + jw * turn;
-        if (std::abs(along) < facing || line->scans < standing || p.alone) {
+        if (std::abs(along) < facing || line->scans < standing || line->moved || p.alone) {
           jx -= along * ax;
           jy -= along * ay;
         } else {
