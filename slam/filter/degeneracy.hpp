@@ -41,8 +41,6 @@ class DegeneracyMonitor {
   [[nodiscard]] bool weak() const { return weak_; }
   // Nothing holds it.
   [[nodiscard]] bool active() const { return active_; }
-  // The same of the last scan alone.
-  [[nodiscard]] bool loose() const { return active_ || loose_scans_ > 0; }
   // Unit vector of the weak direction, map frame, while weak().
   [[nodiscard]] const Eigen::Vector2d& axis() const { return axis_; }
   [[nodiscard]] double turn_rad_m() const { return turn_rad_m_; }

@@ -113,7 +113,7 @@ LineSystem Mapper::Impl::lines_at(const Pose2& pose, const WeakMotion& weak, Lin
 
 Pose2 Mapper::Impl::start_along_axis(const MotionPrior& prior) const {
   const double sigma_m = std::sqrt(axial_variance_m2);
-  if (!degeneracy.active() || sigma_m < kWithinReach_m) return prior.pose;
+  if (!degeneracy.weak() || sigma_m < kWithinReach_m) return prior.pose;
   const WeakMotion& weak = prior.weak;
   const auto information_at = [&](double along_m) {
     return lines_at(weak.moved(prior.pose, along_m), weak, LinesOf::kCell).axial_information;
@@ -139,7 +139,7 @@ KnownFit Mapper::Impl::filter_by_matching(const Scan& scan, double step_s, std::
   // Serial: the search has one scratch store.
   KnownFit fit;
   // Where nothing holds an axis, a search finds the place where the map ends: the cart went on.
-  const bool after_gap = step_s > kShortGap_s && single() && !degeneracy.loose();
+  const bool after_gap = step_s > kShortGap_s && single() && !degeneracy.weak();
   const bool search_anyway = !odometry_delta && adaptive() && (slow() || after_gap);
   const double good = slow() && !odometry_delta ? usual_fit - kMuchWorse : 0.0;
   for (Particle& p : set.particles()) {
