@@ -23,10 +23,10 @@ struct RowSpan {
 
 // End of one beam, in order of angle.
 struct BeamEnd {
-  float x = 0.0F;        // m, map frame, of the measured point (any value when range_m is 0)
-  float y = 0.0F;        // m
-  float range_m = 0.0F;  // distance from the sensor; 0: no evidence along this beam
-  bool hit = true;       // false: free along range_m but nothing was hit at its end
+  float x = 0.0F;         // m, map frame, of the measured point (any value when range_m is 0)
+  float y = 0.0F;         // m
+  float range_m = 0.0F;   // distance from the sensor; 0: no evidence along this beam
+  bool hit = true;        // false: free along range_m but nothing was hit at its end
   float normal_x = 0.0F;  // unit, of the surface hit, towards the sensor; (0, 0) if unknown
   float normal_y = 0.0F;
 };

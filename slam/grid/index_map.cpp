@@ -229,7 +229,7 @@ std::vector<SurfacePoint> IndexMap::export_surface() const {
   const std::span<const SurfaceFace> faces = surface_.faces();
   for (std::size_t i = 1; i < faces.size(); ++i) {
     const SurfaceFace& face = faces[i];
-    if (face.n < 1.0F) continue;
+    if (face.n < 1.0F || face.line().kind == SurfaceKind::kNone) continue;
     SurfacePoint point;
     point.x = surface_centre(static_cast<int>(face.cell % kSurfaceSide)) + face.sum_x / face.n;
     point.y = surface_centre(static_cast<int>(face.cell / kSurfaceSide)) + face.sum_y / face.n;

@@ -11,17 +11,18 @@ namespace {
 
 constexpr float kMaxHits = 2000.0F;         // halve beyond: finite inertia against moved walls
 constexpr float kSameSide = -0.17F;         // cosine: views up to 100 deg apart belong to one face
-constexpr float kSameNormal = 0.7F;          // cosine: 45 deg
+constexpr float kSameNormal = 0.7F;         // cosine: 45 deg
 constexpr float kLineRatio = 0.1F;          // smaller to larger eigenvalue of a line's scatter
 constexpr float kMinLineSpread_m2 = 4e-4F;  // (2 cm)^2 along a line at least
 constexpr float kMinHitsForLine = 3.0F;
-constexpr float kNormalsForLine = 5.0F;
-constexpr float kAgree = 0.97F;
-constexpr float kFewHits = 5.0F;       // make no line of a cell alone
-constexpr float kWider = 1.2F;         // mean square off a line through nine cells over that through one ...
-constexpr float kWider_m2 = 1.6e-5F;   // ... and (4 mm)^2: more is no straight wall
-constexpr float kAsIfHits = 4.0F;      // seen before any
-constexpr float kOfHits_m2 = 1.4e-4F;  // (12 mm)^2: mean square of hits off a wall
+constexpr float kNormalsForLine = 5.0F;  // hits whose scan told a normal, that tell a line's direction ...
+constexpr float kAgree = 0.97F;          // ... if that of the scatter is not within 14 deg of it
+constexpr float kFewHits = 5.0F;         // make no line of a cell alone
+constexpr float kWider = 1.2F;           // mean square off a line through nine cells over that through one ...
+constexpr float kWider_m2 = 1.6e-5F;     // ... and (4 mm)^2: more is no straight wall
+constexpr float kAsIfHits = 4.0F;        // so many of kOfHits_m2 are seen before any
+constexpr float kOfHits_m2 = 1.4e-4F;    // (12 mm)^2: mean square of hits off a wall
+constexpr float kLeastShare = 0.05F;     // of the hits in its cells, for a face
 
 // Whether the view (a unit vector) and the face's look at one side: cosine above kSameSide.
 bool same_side(const SurfaceFace& face, float view_x, float view_y) {
@@ -102,7 +103,9 @@ float spread_m(float off_m2, float n) {
   return std::sqrt((n * off_m2 + kAsIfHits * kOfHits_m2) / (std::max(n - 2.0F, 0.0F) + kAsIfHits));
 }
 
-// Line through them, or a point where they make none; its normal towards who sees the face.
+// Line through them, or a point where they make none; its normal towards who sees the face. What is short (a jamb) or
+// in steps has the direction that the single scans saw: the scatter of 6 cm with noise says none, that of a wall and
+// the door that stands back behind it a wrong one.
 PooledLine line_of(const Moments& m, const SurfaceFace& face) {
   PooledLine line;
   line.count = m.n;
@@ -124,7 +127,8 @@ PooledLine line_of(const Moments& m, const SurfaceFace& face) {
   line.half_length_m = std::sqrt(large);
   const float normals = std::hypot(m.normal_x, m.normal_y);
   const bool told = normals >= kNormalsForLine;
-  if (m.n >= kMinHitsForLine && large >= kMinLineSpread_m2 && small <= kLineRatio * large) {
+  bool by_scatter = m.n >= kMinHitsForLine && large >= kMinLineSpread_m2 && small <= kLineRatio * large;
+  if (by_scatter) {
     const float angle = 0.5F * std::atan2(2.0F * cxy, cxx - cyy);  // of the direction along the line
     line.normal_x = -std::sin(angle);
     line.normal_y = std::cos(angle);
@@ -133,16 +137,15 @@ PooledLine line_of(const Moments& m, const SurfaceFace& face) {
       line.normal_y = -line.normal_y;
     }
     line.sigma_m = spread_m(small, m.n);
-    line.kind = SurfaceKind::kLine;
-    if (!told || std::abs(line.normal_x * m.normal_x + line.normal_y * m.normal_y) >= kAgree * normals) return line;
+    by_scatter = !told || std::abs(line.normal_x * m.normal_x + line.normal_y * m.normal_y) >= kAgree * normals;
   }
-  if (!told) {
+  if (!by_scatter && !told) {
     line.kind = SurfaceKind::kPoint;
     line.sigma_m = std::sqrt(mean);
     return line;
   }
-  // Short or in steps: what the single scans saw tells its direction.
   line.kind = SurfaceKind::kLine;
+  if (by_scatter) return line;
   line.normal_x = m.normal_x / normals;
   line.normal_y = m.normal_y / normals;
   const float off_m2 = line.normal_x * line.normal_x * cxx + 2.0F * line.normal_x * line.normal_y * cxy +
@@ -262,9 +265,8 @@ void SurfaceMap::insert(std::span<const SurfaceHit> hits) {
   for (const std::uint16_t t : touched_) {
     SurfaceFace& face = faces_[t];
     if (face.n > kMaxHits) {
-      for (float* s :
-           {&face.n, &face.sum_x, &face.sum_y, &face.sum_xx, &face.sum_xy, &face.sum_yy, &face.view_x, &face.view_y, &face.in_free,
-                       &face.normal_x, &face.normal_y}) {
+      for (float* s : {&face.n, &face.sum_x, &face.sum_y, &face.sum_xx, &face.sum_xy, &face.sum_yy, &face.view_x,
+                       &face.view_y, &face.in_free, &face.normal_x, &face.normal_y}) {
         *s *= 0.5F;
       }
     }
@@ -295,15 +297,27 @@ void SurfaceMap::insert(std::span<const SurfaceHit> hits) {
   }
 }
 
+float SurfaceMap::hits_of_side(int ix, int iy, const SurfaceLook& look) const {
+  float hits = 0.0F;
+  for (std::uint16_t f = blocks_[directory_[block_index(ix, iy)]].slot[slot_index(ix, iy)]; f != 0;
+       f = faces_[f].other) {
+    if (same_side(faces_[f], look.view_x, look.view_y)) hits += faces_[f].n;
+  }
+  return hits;
+}
+
 void SurfaceMap::refresh(SurfaceFace& face) {
   const int ix = static_cast<int>(face.cell % kSurfaceSide);
   const int iy = static_cast<int>(face.cell / kSurfaceSide);
   const SurfaceLook look = look_of(face);
   Moments all;
+  float beside = 0.0F;  // all hits in the cells with hits of this face
   for (int ny = iy - 1; ny <= iy + 1; ++ny) {
     for (int nx = ix - 1; nx <= ix + 1; ++nx) {
       const std::uint16_t f = find_face(nx, ny, look);
-      if (f != 0) all.add(faces_[f], nx - ix, ny - iy);
+      if (f == 0 || faces_[f].n <= 0.0F) continue;
+      all.add(faces_[f], nx - ix, ny - iy);
+      beside += hits_of_side(nx, ny, look);
     }
   }
   Moments own;
@@ -312,6 +326,8 @@ void SurfaceMap::refresh(SurfaceFace& face) {
   face.pooled = line_of(all, face);
   face.own = own.n < kFewHits ? PooledLine{} : line_of(own, face);
   if (straight(face.pooled, face.own)) face.own.kind = SurfaceKind::kNone;
+  // The few hits on a wall whose neighbours happened to lie askew are no face of it.
+  if (all.n < kLeastShare * beside) face.pooled.kind = face.own.kind = SurfaceKind::kNone;
 }
 
 void SurfaceMap::forget(double x_m, double y_m) {

@@ -1,12 +1,13 @@
 // Sub-cell surface statistics on 10 cm cells: what stage 2 of the matcher aligns to (design notes 4.2 G, 5.2).
 //
-// A face holds the hits of one cell that were seen from one side (a thin wall seen from both rooms has two faces), as
-// count, sum and scatter about the cell's centre, plus the *pooled* line through the faces of the 3 x 3 cells around
-// it: pooling keeps a wall on a cell border from being split and biased. Where those nine hold no straight wall but a
-// corner or a jamb, their line is none that a beam hits, and its slant pushes the cart by millimetres a metre; the
-// cell's own hits make the line there. Cells next to a hit have a face without hits of their own, so that a point
-// beside the wall finds its line in O(1). Fixed pools; when they are full new cells are refused and counted. Reading is
-// thread-safe while nobody inserts.
+// A face holds the hits of one cell that belong to one wall, as count, sum and scatter about the cell's centre: those
+// whose normals, as the single scans saw them, lie within 45 deg (a jamb and the wall beside it are two faces, and so
+// are the sides of a thin wall); hits without a normal go by the side they are seen from. To that comes the *pooled*
+// line through the same face of the 3 x 3 cells around: pooling keeps a wall on a cell border from being split and
+// biased. Where those nine hold no straight wall (a door that stands back by centimetres), their line is none that a
+// beam hits, and its slant pushes the cart by millimetres a metre; the cell's own hits make the line there. Cells next
+// to a hit have a face without hits of their own, so that a point beside the wall finds its line in O(1). Fixed pools;
+// when they are full new cells are refused and counted. Reading is thread-safe while nobody inserts.
 #pragma once
 
 #include <array>
@@ -34,7 +35,7 @@ struct PooledLine {
   float mean_y = 0.0F;
   float normal_x = 0.0F;  // unit, towards the viewers; (0, 0) unless kLine
   float normal_y = 0.0F;
-  float sigma_m = 0.0F;        // spread across the line (kLine) or of the hits (kPoint)
+  float sigma_m = 0.0F;        // spread across the line (kLine; at least as scans err) or of the hits (kPoint)
   float half_length_m = 0.0F;  // one sigma along the line
   float count = 0.0F;          // hits pooled
   std::uint16_t scans = 0;     // of the pooled cell that most scans hit: what stands still gathers them
@@ -95,7 +96,7 @@ class SurfaceMap {
   // Forgets the hits in the surface cell at (x, y): its fine cells have been seen free.
   void forget(double x_m, double y_m);
 
-  // Line near (x, y) as seen from direction `view` (unit, towards the sensor); nullptr if there is none.
+  // Line near (x, y) of what looks so; nullptr if there is none.
   [[nodiscard]] const PooledLine* find(float x_m, float y_m, const SurfaceLook& look) const {
     const SurfaceFace* face = face_at(x_m, y_m, look);
     return face != nullptr && face->line().kind != SurfaceKind::kNone ? &face->line() : nullptr;
@@ -118,11 +119,13 @@ class SurfaceMap {
   struct Block {
     std::array<std::uint16_t, kSurfacePerBlock> slot{};
   };
-  // Face of the cell that agrees with the view, made if there is room; 0 if not.
+  // Face of the cell that looks so, made if there is room; 0 if not.
   std::uint16_t ensure_face(int ix, int iy, const SurfaceLook& look);
   [[nodiscard]] std::uint16_t find_face(int ix, int iy, const SurfaceLook& look) const;
   // nullptr if there is none.
   [[nodiscard]] const SurfaceFace* face_at(float x_m, float y_m, const SurfaceLook& look) const;
+  // Of all faces of the cell.
+  [[nodiscard]] float hits_of_side(int ix, int iy, const SurfaceLook& look) const;
   void refresh(SurfaceFace& face);
 
   std::vector<SurfaceFace> faces_;

@@ -51,8 +51,9 @@ LineSystem line_system(std::span<const ScanPoint> points, const SurfaceMap& surf
       const float nx = line->normal_x;
       const float ny = line->normal_y;
       const float along_ray = nx * vx + ny * vy;
-            const float excess = std::max(line->sigma_m * line->sigma_m - range_var, 0.0F);
-      const float var = excess + range_var * along_ray * along_ray + map_var + cross * cross * (1.0F - along_ray * along_ray);
+      const float excess = std::max(line->sigma_m * line->sigma_m - range_var, 0.0F);
+      const float var =
+          excess + range_var * along_ray * along_ray + map_var + cross * cross * (1.0F - along_ray * along_ray);
       const float r = nx * dx + ny * dy;
       const float limit = std::max(min_gate, std::min(gate, 3.0F * std::sqrt(var + line->sigma_m * line->sigma_m)));
       if (std::abs(r) > limit || std::abs(ny * dx - nx * dy) > tangential_gate) continue;

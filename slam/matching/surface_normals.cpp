@@ -8,9 +8,9 @@
 namespace submapd {
 namespace {
 
-constexpr float kShortest_m = 0.06F;  // of a window
+constexpr float kShortest_m = 0.08F;  // of a window
 constexpr float kLongest_m = 0.15F;
-constexpr float kGaps = 6.0F;                 // between points, in a window if that is not too short or too long
+constexpr float kGaps = 3.0F;  // between points, in a window if that is not too short or too long
 constexpr std::size_t kMostGaps = 20;
 constexpr std::size_t kFewest = 3;            // points
 constexpr std::size_t kStride = 3;            // noise makes next points look farther apart than they are
@@ -94,7 +94,8 @@ void SurfaceNormals::fill(std::span<ScanPoint> points) {
     const float gap_right2 = right > 0 ? apart2(p, points[i + right]) / square(static_cast<float>(right)) : kNone;
     const float gap_m = std::sqrt(std::min(gap_left2, gap_right2));
     const float window_m = std::clamp(kGaps * gap_m, kShortest_m, kLongest_m);
-    const auto gaps = static_cast<std::size_t>(std::min(window_m / std::max(gap_m, 1e-3F), static_cast<float>(kMostGaps)));
+    const auto gaps =
+        static_cast<std::size_t>(std::min(window_m / std::max(gap_m, 1e-3F), static_cast<float>(kMostGaps)));
     const std::size_t half = (gaps + 1) / 2;
     const std::array<Scatter, 3> windows{scatter_of(i - std::min(i - begin, half), i + std::min(end - i, half)),
                                          scatter_of(i - std::min(i - begin, gaps), i),

@@ -67,6 +67,8 @@ inline std::vector<ScanPoint> exact_scan(const World& world, const Pose2& pose, 
     p.range_m = static_cast<float>(range);
     points.push_back(p);
   }
+  SurfaceNormals normals(points.size());
+  normals.fill(points);
   return points;
 }
 inline constexpr double kExactStep_rad = 1.5 * std::numbers::pi / 540;
@@ -97,13 +99,10 @@ struct RoomMap {
       const Scan scan = noisy_scan(world, truth[i], sigma_m, random);
       ScanPoints points({}, 1081);
       points.assign(scan, {});
-      std::vector<BeamEnd> beams = points.beams();
-      for (BeamEnd& b : beams) {
-        const Eigen::Vector2d p = transform(pose, {static_cast<double>(b.x), static_cast<double>(b.y)});
-        b.x = static_cast<float>(p.x());
-        b.y = static_cast<float>(p.y());
-      }
-      map.insert(pose.translation().cast<float>(), beams);
+      std::vector<BeamEnd> placed;
+      placed.reserve(points.beams().size());
+      const Eigen::Vector2f origin = place_beams(pose, points.beams(), Eigen::Vector2f::Zero(), placed);
+      map.insert(origin, placed);
     }
   }
   [[nodiscard]] DistanceView field() const { return map.distance(); }
