@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cmath>
+#include <optional>
 
 #include "slam/base/small_matrix.hpp"
 
@@ -13,14 +14,16 @@ struct Stage {
   double cauchy_m;     // residual at which a pair weighs half
   int iterations;      // at most
   std::size_t stride;  // every so many elements
+  double stop_m;       // a step below both of these ends the stage
+  double stop_rad;
 };
-constexpr std::array<Stage, 3> kStages{{{0.40, 0.15, 6, 3}, {0.25, 0.06, 4, 2}, {0.15, 0.03, 6, 1}}};
+// The first two only lead into the last one's basin.
+constexpr std::array<Stage, 3> kStages{
+    {{0.40, 0.15, 6, 3, 1e-2, 1e-3}, {0.25, 0.06, 4, 2, 2e-3, 2e-4}, {0.15, 0.03, 6, 1, 2e-4, 2e-5}}};
 constexpr double kMaxAcross_m = 0.10;            // residual of the last stage
 constexpr double kMinCosine = 0.8;               // 37 deg
 constexpr double kPointSigma2_m2 = 0.03 * 0.03;  // a mean that is no line says less about where the surface is
 constexpr std::size_t kMinPairs = 20;
-constexpr double kStopTranslation_m = 2e-4;
-constexpr double kStopYaw_rad = 2e-5;
 
 // Left multiplication by S = dR/dyaw R^T: turns a vector by 90 deg.
 Eigen::Vector2d turned(const Eigen::Vector2d& v) {
@@ -128,28 +131,26 @@ Alignment align_surfaces(const SurfaceIndex& a, const SurfaceIndex& b, const Pos
   Alignment result;
   result.a_from_b = start;
   result.pivot = start.translation();
+  std::optional<NormalEquations> equations;
   for (std::size_t s = stages == AlignStages::kCoarseToFine ? 0 : kStages.size() - 1; s < kStages.size(); ++s) {
     const Stage& stage = kStages[s];
     for (int i = 0; i < stage.iterations; ++i) {
-      const NormalEquations equations = linearise(a, b, result.a_from_b, direction, stage, result.pivot);
-      if (equations.pairs() < kMinPairs) {
+      if (equations) result.pivot = equations->mean();
+      equations = linearise(a, b, result.a_from_b, direction, stage, result.pivot);
+      if (equations->pairs() < kMinPairs) {
         return result;
       }
-      const Eigen::Vector3d step = equations.step();
+      const Eigen::Vector3d step = equations->step();
       result.a_from_b = moved_about(result.a_from_b, result.pivot, step);
-      result.pivot = equations.mean();
-      if (step.head<2>().norm() < kStopTranslation_m && std::abs(step.z()) < kStopYaw_rad) {
+      if (step.head<2>().norm() < stage.stop_m && std::abs(step.z()) < stage.stop_rad) {
         break;
       }
     }
   }
-  const NormalEquations last = linearise(a, b, result.a_from_b, direction, kStages.back(), result.pivot);
-  if (last.pairs() < kMinPairs) {
-    return result;
-  }
-  result.information = last.information();
-  result.rms_radius_m = last.rms_radius();
-  result.pairs = last.pairs();
+  // Those before the last step, which was a small one.
+  result.information = equations->information();
+  result.rms_radius_m = equations->rms_radius();
+  result.pairs = equations->pairs();
   result.a_from_b.yaw = wrap_angle(result.a_from_b.yaw);
   return result;
 }
