@@ -80,6 +80,7 @@ struct Optimizer::Impl {
         version(other.version),
         rejected_pending(other.rejected_pending),
         condensed_loops(other.condensed_loops),
+        settled(other.settled),
         cancelled(other.cancelled) {}
 
   Expected<FinalResult> finish(std::size_t runs);
@@ -103,7 +104,8 @@ struct Optimizer::Impl {
   OptimizerCounters counters;
   std::uint32_t version = 0;
   std::uint64_t rejected_pending = 0;
-  std::uint64_t condensed_loops = 0;                                                          // that had been confirmed
+  std::uint64_t condensed_loops = 0;  // that had been confirmed
+  bool settled = false;               // nothing came to the graph since it was solved
   std::shared_ptr<std::atomic<bool>> cancelled = std::make_shared<std::atomic<bool>>(false);  // of all copies
 };
 
@@ -150,6 +152,7 @@ void Optimizer::Impl::hold_budget() {
   while (free_below(kRoomPart)) {
     const std::optional<graph::Condensed> condensed = condenser.step();
     if (!condensed) return;
+    settled = false;
     search.forget(condensed->submap);
     ++(condensed->state == SubmapState::kFrozen ? counters.submaps_frozen : counters.submaps_condensed);
     condensed_loops += condensed->confirmed_loops;
@@ -177,6 +180,7 @@ Status Optimizer::Impl::take(const FinishedSubmap& submap) {
   model.submaps.push_back(std::move(record));
   model.links.push_back(std::move(link));
   model.poses.push_back(pose);
+  settled = false;
   count();
   if (model.links.back().linked) model.links.back().landmarks = search.tie_neighbours(model, submap, bytes_left());
   count();
@@ -256,7 +260,9 @@ Status Optimizer::Impl::solve(const std::vector<std::size_t>& news) {
 // Confirms and solves until nothing changes any more.
 Status Optimizer::Impl::settle(bool accept_lone) {
   const auto solve_with = [this](const std::vector<std::size_t>& news) { return solve(news); };
-  if (Status status = graph::settle_loops(model, accept_lone, solve_with); !status.ok()) return status;
+  const bool solved = std::exchange(settled, false);
+  if (Status status = graph::settle_loops(model, accept_lone, solved, solve_with); !status.ok()) return status;
+  settled = true;
   count();
   return {};
 }

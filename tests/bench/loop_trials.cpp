@@ -243,7 +243,7 @@ TrialResult TrialGround::run(const Trial& trial) const {
   result.accepted = result.match.verdict == MatchVerdict::kAccepted;
 
   // A failed solve keeps the poses, here as in the optimizer.
-  (void)graph::settle_loops(model, true, [&](const std::vector<std::size_t>& news) {
+  (void)graph::settle_loops(model, true, false, [&](const std::vector<std::size_t>& news) {
     const auto summary = graph::solve_live(model, news);
     return summary ? Status{} : summary.error();
   });
