@@ -32,6 +32,7 @@ class CellPlane {
   [[nodiscard]] int width() const { return width_; }    // cells
   [[nodiscard]] int height() const { return height_; }  // cells
   [[nodiscard]] std::size_t known_cells() const { return known_cells_; }
+  [[nodiscard]] std::size_t bytes() const { return kinds_.capacity() * sizeof(CellKind); }
 
   // Plane coordinates (0, 0) .. (width - 1, height - 1) of a point in the sub-map's frame; may lie outside.
   [[nodiscard]] Eigen::Vector2i cell_at(const Eigen::Vector2d& point) const {

@@ -30,6 +30,9 @@ class SurfaceIndex {
   explicit SurfaceIndex(const FinishedSubmap& submap);
 
   [[nodiscard]] const std::vector<SurfaceElement>& elements() const { return elements_; }
+  [[nodiscard]] std::size_t bytes() const {
+    return elements_.capacity() * sizeof(SurfaceElement) + first_.capacity() * sizeof(std::int32_t);
+  }
 
   // Index of the element closest to `point` within radius_m, or kNone. If both `normal` and the element's are set they
   // must agree within acos(min_cosine): thin walls seen from both sides are two surfaces.
