@@ -45,11 +45,24 @@ class SurfaceIndex {
  private:
   void build_buckets();
   void pool_lines();
+  // Columns and rows, both ends included.
+  struct BucketRange {
+    int column_first;
+    int column_last;
+    int row_first;
+    int row_last;
+  };
+  [[nodiscard]] BucketRange buckets_near(const Eigen::Vector2d& point, double radius_m) const;
+  // REQUIRES: 0 <= row < rows_. The next row follows.
+  [[nodiscard]] const std::int32_t* first_of(int row) const {
+    return &first_[static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_)];
+  }
   template <typename Visit>
   void visit_near(const Eigen::Vector2d& point, double radius_m, const Visit& visit) const;
 
   std::vector<SurfaceElement> elements_;  // sorted by bucket
   double bucket_m_ = 0.2;
+  double buckets_per_m_ = 5.0;
   Eigen::Vector2d origin_ = Eigen::Vector2d::Zero();
   int columns_ = 0;
   int rows_ = 0;
