@@ -19,11 +19,12 @@ struct Stage {
 };
 // The first two only lead into the last one's basin.
 constexpr std::array<Stage, 3> kStages{
-    {{0.40, 0.15, 6, 3, 1e-2, 1e-3}, {0.25, 0.06, 4, 2, 2e-3, 2e-4}, {0.15, 0.03, 6, 1, 2e-4, 2e-5}}};
+    {{0.40, 0.15, 6, 3, 1e-2, 1e-3}, {0.25, 0.06, 4, 2, 2e-3, 2e-4}, {0.15, 0.03, 6, 1, 5e-4, 5e-5}}};
 constexpr double kMaxAcross_m = 0.10;            // residual of the last stage
 constexpr double kMinCosine = 0.8;               // 37 deg
 constexpr double kPointSigma2_m2 = 0.03 * 0.03;  // a mean that is no line says less about where the surface is
 constexpr std::size_t kMinPairs = 20;
+constexpr double kComparisonSlack = 4.0;  // 2 mm, where alignments may differ by 3 cm
 
 // Left multiplication by S = dR/dyaw R^T: turns a vector by 90 deg.
 Eigen::Vector2d turned(const Eigen::Vector2d& v) {
@@ -131,6 +132,8 @@ Alignment align_surfaces(const SurfaceIndex& a, const SurfaceIndex& b, const Pos
   Alignment result;
   result.a_from_b = start;
   result.pivot = start.translation();
+  // By itself the last stage serves to compare two alignments, not to tie by.
+  const double slack = stages == AlignStages::kFineOnly ? kComparisonSlack : 1.0;
   std::optional<NormalEquations> equations;
   for (std::size_t s = stages == AlignStages::kCoarseToFine ? 0 : kStages.size() - 1; s < kStages.size(); ++s) {
     const Stage& stage = kStages[s];
@@ -142,7 +145,7 @@ Alignment align_surfaces(const SurfaceIndex& a, const SurfaceIndex& b, const Pos
       }
       const Eigen::Vector3d step = equations->step();
       result.a_from_b = moved_about(result.a_from_b, result.pivot, step);
-      if (step.head<2>().norm() < stage.stop_m && std::abs(step.z()) < stage.stop_rad) {
+      if (step.head<2>().norm() < slack * stage.stop_m && std::abs(step.z()) < slack * stage.stop_rad) {
         break;
       }
     }
