@@ -5,6 +5,8 @@
 #include <cstddef>
 #include <span>
 
+#include "slam/base/floor_to_int.hpp"
+
 namespace submapd::internal {
 namespace {
 
@@ -86,16 +88,20 @@ double contradicted(const SubmapView& points, const CellPlane& target, const Pos
 }  // namespace
 
 Overlap measure_overlap(const SubmapView& a, const SubmapView& b, const Pose2& a_from_b) {
-  const Eigen::Matrix2d turn = rotation(a_from_b.yaw);
+  // From cells of b to cells of a.
+  const Eigen::Matrix2d turn = rotation(a_from_b.yaw) * (b.plane->cell_m() / a.plane->cell_m());
+  const Eigen::Vector2d first = transform(a_from_b, b.plane->centre_of(0, 0)) - a.plane->origin();
+  const Eigen::Vector2d shift = first / a.plane->cell_m();
   std::size_t common = 0;
   for (int y = 0; y < b.plane->height(); y += kOverlapStride) {
     const std::span<const CellKind> row = b.plane->row(y);
+    const Eigen::Vector2d start = shift + y * turn.col(1);
     for (int x = 0; x < b.plane->width(); x += kOverlapStride) {
       if (row[static_cast<std::size_t>(x)] == CellKind::kUnknown) {
         continue;
       }
-      const Eigen::Vector2i cell = a.plane->cell_at(turn * b.plane->centre_of(x, y) + a_from_b.translation());
-      common += a.plane->kind(cell.x(), cell.y()) != CellKind::kUnknown ? 1 : 0;
+      const Eigen::Vector2d place = start + x * turn.col(0);
+      common += a.plane->kind(floor_to_int(place.x()), floor_to_int(place.y())) != CellKind::kUnknown ? 1 : 0;
     }
   }
   const double cell_b = b.plane->cell_m() * b.plane->cell_m();
