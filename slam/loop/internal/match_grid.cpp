@@ -159,23 +159,30 @@ std::array<std::int32_t, 4> MatchGrid::sum4(int level, const PointCells& points,
   const std::uint8_t* values = plane.values.data();
   const int width = plane.width;
   std::array<std::int32_t, 4> total{};
-  for (const PointCell& point : points.inside) {
-    const int column = ((point.x + x) >> shift) + bias;
-    const int row = ((point.y + y) >> shift) + bias;
+  const auto add = [&](int column, int row) {
     const std::uint8_t* first = values + row * width + column;
     const std::uint8_t* second = first + apart * width;
     total[0] += first[0];
     total[1] += first[apart];
     total[2] += second[0];
     total[3] += second[apart];
+  };
+  for (const PointCell& point : points.inside) {
+    add(((point.x + x) >> shift) + bias, ((point.y + y) >> shift) + bias);
   }
+  const auto inner_width = static_cast<unsigned>(std::max(0, width - apart));
+  const auto inner_height = static_cast<unsigned>(std::max(0, plane.height - apart));
   for (const PointCell& point : points.border) {
     const int column = ((point.x + x) >> shift) + bias;
     const int row = ((point.y + y) >> shift) + bias;
-    total[0] += plane.at(column, row);
-    total[1] += plane.at(column + apart, row);
-    total[2] += plane.at(column, row + apart);
-    total[3] += plane.at(column + apart, row + apart);
+    if (static_cast<unsigned>(column) < inner_width && static_cast<unsigned>(row) < inner_height) {
+      add(column, row);
+    } else if (column + apart >= 0 && row + apart >= 0 && column < width && row < plane.height) {
+      total[0] += plane.at(column, row);
+      total[1] += plane.at(column + apart, row);
+      total[2] += plane.at(column, row + apart);
+      total[3] += plane.at(column + apart, row + apart);
+    }
   }
   return total;
 }
