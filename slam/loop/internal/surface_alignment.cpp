@@ -1,5 +1,6 @@
 #include "slam/loop/internal/surface_alignment.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <optional>
@@ -24,6 +25,7 @@ constexpr double kMaxAcross_m = 0.10;            // residual of the last stage
 constexpr double kMinCosine = 0.8;               // 37 deg
 constexpr double kPointSigma2_m2 = 0.03 * 0.03;  // a mean that is no line says less about where the surface is
 constexpr std::size_t kMinPairs = 20;
+constexpr std::size_t kEnough = 450;      // elements of one sub-map; more tell nothing new: errors are of whole walls
 constexpr double kComparisonSlack = 4.0;  // 2 mm, where alignments may differ by 3 cm
 
 // Left multiplication by S = dR/dyaw R^T: turns a vector by 90 deg.
@@ -79,7 +81,9 @@ void add_direction(const SurfaceIndex& points, const SurfaceIndex& target, const
   const Eigen::Matrix2d turn = rotation(target_from_points.yaw);
   const Eigen::Matrix2d to_a = rotation(a_from_target.yaw);
   const auto& elements = points.elements();
-  for (std::size_t i = 0; i < elements.size(); i += stage.stride) {
+  const std::size_t stride = std::max(stage.stride, elements.size() / kEnough);
+  const double stands_for = static_cast<double>(stride);
+  for (std::size_t i = 0; i < elements.size(); i += stride) {
     const SurfaceElement& element = elements[i];
     const Eigen::Vector2d place = turn * element.mean + target_from_points.translation();
     const Eigen::Vector2d element_normal = turn * element.normal;
@@ -88,7 +92,7 @@ void add_direction(const SurfaceIndex& points, const SurfaceIndex& target, const
       continue;
     }
     const SurfaceElement& mate = target.elements()[static_cast<std::size_t>(found)];
-    const double variance = element.variance_m2 + mate.variance_m2;
+    const double variance = (element.variance_m2 + mate.variance_m2) / stands_for;
     const Eigen::Vector2d place_a = to_a * place + a_from_target.translation();
     const Eigen::Vector2d mate_a = to_a * mate.mean + a_from_target.translation();
     const Eigen::Vector2d& moving = points_move ? place_a : mate_a;
@@ -100,8 +104,10 @@ void add_direction(const SurfaceIndex& points, const SurfaceIndex& target, const
       }
       equations.add_line(moving, fixed, to_a * normal, variance, stage.cauchy_m);
     } else {
-      equations.add_line(moving, fixed, Eigen::Vector2d::UnitX(), variance + kPointSigma2_m2, stage.cauchy_m);
-      equations.add_line(moving, fixed, Eigen::Vector2d::UnitY(), variance + kPointSigma2_m2, stage.cauchy_m);
+      equations.add_line(moving, fixed, Eigen::Vector2d::UnitX(), variance + kPointSigma2_m2 / stands_for,
+                         stage.cauchy_m);
+      equations.add_line(moving, fixed, Eigen::Vector2d::UnitY(), variance + kPointSigma2_m2 / stands_for,
+                         stage.cauchy_m);
     }
     equations.add_pair(moving);
   }
