@@ -80,10 +80,11 @@ struct Optimizer::Impl {
         version(other.version),
         rejected_pending(other.rejected_pending),
         condensed_loops(other.condensed_loops),
+        settled(other.settled),
         cancelled(other.cancelled) {}
 
   Expected<FinalResult> finish(std::size_t runs);
-  Status take(const FinishedSubmap& submap);
+  Status take(const std::shared_ptr<const FinishedSubmap>& newest);
   std::vector<std::size_t> add_manual_ties();
   void seek_live();
   void seek_all(std::size_t budget, bool accept_lone);
@@ -103,7 +104,8 @@ struct Optimizer::Impl {
   OptimizerCounters counters;
   std::uint32_t version = 0;
   std::uint64_t rejected_pending = 0;
-  std::uint64_t condensed_loops = 0;                                                          // that had been confirmed
+  std::uint64_t condensed_loops = 0;  // that had been confirmed
+  bool settled = false;               // nothing came to the graph since it was solved
   std::shared_ptr<std::atomic<bool>> cancelled = std::make_shared<std::atomic<bool>>(false);  // of all copies
 };
 
@@ -150,6 +152,7 @@ void Optimizer::Impl::hold_budget() {
   while (free_below(kRoomPart)) {
     const std::optional<graph::Condensed> condensed = condenser.step();
     if (!condensed) return;
+    settled = false;
     search.forget(condensed->submap);
     ++(condensed->state == SubmapState::kFrozen ? counters.submaps_frozen : counters.submaps_condensed);
     condensed_loops += condensed->confirmed_loops;
@@ -164,8 +167,9 @@ std::vector<Loop> Optimizer::Impl::loops() const {
   return all;
 }
 
-Status Optimizer::Impl::take(const FinishedSubmap& submap) {
-  if (Status status = check(&submap, model.submaps.size()); !status.ok()) return status;
+Status Optimizer::Impl::take(const std::shared_ptr<const FinishedSubmap>& newest) {
+  if (Status status = check(newest.get(), model.submaps.size()); !status.ok()) return status;
+  const FinishedSubmap& submap = *newest;
   const auto index = static_cast<std::uint32_t>(model.submaps.size());
   graph::SubmapRecord record = graph::make_record(submap, tools.make_outline(submap));
   graph::ChainLink link;
@@ -177,8 +181,9 @@ Status Optimizer::Impl::take(const FinishedSubmap& submap) {
   model.submaps.push_back(std::move(record));
   model.links.push_back(std::move(link));
   model.poses.push_back(pose);
+  settled = false;
   count();
-  if (model.links.back().linked) model.links.back().landmarks = search.tie_neighbours(model, submap, bytes_left());
+  if (model.links.back().linked) model.links.back().landmarks = search.tie_neighbours(model, newest, bytes_left());
   count();
   return {};
 }
@@ -256,7 +261,9 @@ Status Optimizer::Impl::solve(const std::vector<std::size_t>& news) {
 // Confirms and solves until nothing changes any more.
 Status Optimizer::Impl::settle(bool accept_lone) {
   const auto solve_with = [this](const std::vector<std::size_t>& news) { return solve(news); };
-  if (Status status = graph::settle_loops(model, accept_lone, solve_with); !status.ok()) return status;
+  const bool solved = std::exchange(settled, false);
+  if (Status status = graph::settle_loops(model, accept_lone, solved, solve_with); !status.ok()) return status;
+  settled = true;
   count();
   return {};
 }
@@ -269,7 +276,7 @@ Optimizer::~Optimizer() = default;
 Expected<GraphState> Optimizer::add_submap(const std::shared_ptr<const FinishedSubmap>& submap) {
   if (Status status = check(submap.get(), impl_->model.submaps.size()); !status.ok()) return failure(status);
   impl_->hold_budget();  // a map that was saved since may have filled it with loops
-  if (Status status = impl_->take(*submap); !status.ok()) return failure(status);
+  if (Status status = impl_->take(submap); !status.ok()) return failure(status);
   if (const auto ties = impl_->add_manual_ties(); !ties.empty()) {
     if (Status status = impl_->solve(ties); !status.ok()) return failure(status);
   }
@@ -296,6 +303,7 @@ Expected<FinalResult> Optimizer::Impl::finish(std::size_t runs) {
     count();
   }
   archive.release();  // the solver needs the room
+  search.release();
   graph::TrackGraph track = graph::build_track_graph(model);
   const auto start = std::chrono::steady_clock::now();
   const auto summary = graph::solve_track_graph(track, options.parts.robust_loss, cancelled.get());
@@ -343,7 +351,7 @@ Expected<FinalResult> Optimizer::finish_with(const std::shared_ptr<const Finishe
   if (impl_->options.loops && !impl_->model.submaps.empty()) impl_->seek_all(kSaveRuns, false);
   WithOpenSubmap source(impl_->archive, open);
   Impl copy(*impl_, source);
-  if (Status status = copy.take(*open); !status.ok()) return failure(status);
+  if (Status status = copy.take(open); !status.ok()) return failure(status);
   return copy.finish(kFinalRunsPerSubmap);
 }
 

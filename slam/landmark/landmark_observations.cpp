@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <iterator>
 #include <numbers>
 
 namespace submapd {
@@ -23,16 +22,20 @@ double bearing_margin(const Keyframe& keyframe, double range_m) {
   return std::atan2(kBeamNear_m + moved_m, range_m) + turned + std::abs(keyframe.geometry.angle_step_rad);
 }
 
-// `count` of `all`, or of its regular observers if they suffice, evenly spread, first and last included where there
-// are two.
-std::vector<std::uint32_t> spread(const std::vector<std::uint32_t>& all, std::size_t count) {
+// `count` of the submap's key-frames for which `observes` holds, or of its regular ones among them if they suffice,
+// evenly spread, first and last included where there are two. Asks about no more key-frames than it needs.
+template <typename Observes>
+std::vector<std::uint32_t> spread(std::size_t keyframes, std::size_t count, const Observes& observes) {
   std::vector<std::uint32_t> from;
-  for (std::uint32_t stride = kRegularStride; stride > 0 && from.size() < std::min(kFewestUnshared, all.size());
-       stride /= 2) {
-    from.clear();
-    std::copy_if(all.begin(), all.end(), std::back_inserter(from),
-                 [&](std::uint32_t keyframe) { return keyframe % stride == 0; });
+  for (std::uint32_t stride = kRegularStride; stride > 0 && from.size() < kFewestUnshared; stride /= 2) {
+    for (std::uint32_t keyframe = 0; keyframe < keyframes; keyframe += stride) {
+      const bool asked = stride != kRegularStride && keyframe % (2 * stride) == 0;
+      if (!asked && observes(keyframe)) {
+        from.push_back(keyframe);
+      }
+    }
   }
+  std::sort(from.begin(), from.end());
   if (from.size() <= count) {
     return from;
   }
@@ -90,18 +93,16 @@ bool sees(const Keyframe& keyframe, const Eigen::Vector2d& place, double max_ran
 
 std::vector<std::uint32_t> observers_of(const Eigen::Vector2d& place, const FinishedSubmap& submap,
                                         const FinishedSubmap& other, int count, double max_range_m) {
-  std::vector<std::uint32_t> unshared;
-  std::vector<std::uint32_t> shared;
-  for (std::uint32_t i = 0; i < submap.keyframes.size(); ++i) {
-    const Keyframe& keyframe = submap.keyframes[i];
-    if (sees(keyframe, place, max_range_m)) {
-      (has_scan(other, keyframe.scan_index) ? shared : unshared).push_back(i);
-    }
-  }
+  const auto observers = [&](bool shared, std::size_t wanted) {
+    return spread(submap.keyframes.size(), wanted, [&](std::uint32_t i) {
+      const Keyframe& keyframe = submap.keyframes[i];
+      return has_scan(other, keyframe.scan_index) == shared && sees(keyframe, place, max_range_m);
+    });
+  };
   const auto wanted = static_cast<std::size_t>(std::max(1, count));
-  std::vector<std::uint32_t> chosen = spread(unshared, wanted);
+  std::vector<std::uint32_t> chosen = observers(false, wanted);
   if (chosen.size() < kFewestUnshared) {
-    const std::vector<std::uint32_t> more = spread(shared, wanted - std::min(wanted, chosen.size()));
+    const std::vector<std::uint32_t> more = observers(true, wanted - std::min(wanted, chosen.size()));
     chosen.insert(chosen.end(), more.begin(), more.end());
     std::sort(chosen.begin(), chosen.end());
   }

@@ -7,8 +7,6 @@
 
 #include "slam/landmark/landmark_candidates.hpp"
 #include "slam/landmark/landmark_observations.hpp"
-#include "slam/loop/cell_plane.hpp"
-#include "slam/loop/surface_index.hpp"
 
 namespace submapd {
 namespace {
@@ -23,34 +21,31 @@ double max_residual_m(const FinishedSubmap& submap) {
   return sparse ? kMaxResidualSparse_m : kMaxResidual_m;
 }
 
-// Both sides of the pair, prepared once.
 struct Pair {
-  const FinishedSubmap& a;
-  const FinishedSubmap& b;
-  const SurfaceIndex& surface_a;
-  const SurfaceIndex& surface_b;
+  const SubmapView& a;
+  const SubmapView& b;
   const Pose2& a_from_b;
   const LandmarkOptions& options;
 };
 
 // The candidate with its place in b and its observations; nothing if b shows something else or a side does not see it.
 std::optional<VirtualLandmark> make_landmark(const Pair& pair, const LandmarkCandidate& candidate) {
-  const double residual_m = std::max(max_residual_m(pair.a), max_residual_m(pair.b));
-  const auto in_b = refine_place(candidate, pair.surface_a, pair.surface_b, pair.a_from_b, residual_m, pair.options);
+  const double residual_m = std::max(max_residual_m(pair.a.submap), max_residual_m(pair.b.submap));
+  const auto in_b = refine_place(candidate, pair.a.surface, pair.b.surface, pair.a_from_b, residual_m, pair.options);
   if (!in_b) {
     return std::nullopt;
   }
   const int count = pair.options.observations_per_side;
   const double range_m = pair.options.max_range_m;
   VirtualLandmark landmark;
-  landmark.a = pair.a.id.index;
-  landmark.b = pair.b.id.index;
+  landmark.a = pair.a.submap.id.index;
+  landmark.b = pair.b.submap.id.index;
   landmark.in_a = candidate.place;
   landmark.in_b = in_b->place;
   landmark.covariance_a = candidate.covariance;
   landmark.covariance_b = in_b->covariance;
-  landmark.seen_from_a = observers_of(landmark.in_a, pair.a, pair.b, count, range_m);
-  landmark.seen_from_b = observers_of(landmark.in_b, pair.b, pair.a, count, range_m);
+  landmark.seen_from_a = observers_of(landmark.in_a, pair.a.submap, pair.b.submap, count, range_m);
+  landmark.seen_from_b = observers_of(landmark.in_b, pair.b.submap, pair.a.submap, count, range_m);
   if (landmark.seen_from_a.empty() || landmark.seen_from_b.empty()) {
     return std::nullopt;
   }
@@ -65,23 +60,21 @@ bool tells_something_new(const VirtualLandmark& landmark, const Pair& pair) {
     return std::any_of(seen_from.begin(), seen_from.end(),
                        [&](std::uint32_t keyframe) { return !has_scan(other, submap.keyframes[keyframe].scan_index); });
   };
-  return any_fresh(landmark.seen_from_a, pair.a, pair.b) && any_fresh(landmark.seen_from_b, pair.b, pair.a);
+  return any_fresh(landmark.seen_from_a, pair.a.submap, pair.b.submap) &&
+         any_fresh(landmark.seen_from_b, pair.b.submap, pair.a.submap);
 }
 
 }  // namespace
 
-std::vector<VirtualLandmark> choose_landmarks(const FinishedSubmap& a, const FinishedSubmap& b,
-                                              const SubmapMatch& match, const LandmarkOptions& options) {
+std::vector<VirtualLandmark> choose_landmarks(const SubmapView& a, const SubmapView& b, const SubmapMatch& match,
+                                              const LandmarkOptions& options) {
   std::vector<VirtualLandmark> landmarks;
-  const std::optional<CellPlane> plane_a = CellPlane::make(a);
-  if (!plane_a) {
+  if (!a.plane) {
     return landmarks;
   }
-  const SurfaceIndex surface_a(a);
-  const SurfaceIndex surface_b(b);
   const std::vector<LandmarkCandidate> candidates =
-      find_candidates(a, *plane_a, surface_a, surface_b, match.a_from_b, options);
-  const Pair pair{a, b, surface_a, surface_b, match.a_from_b, options};
+      find_candidates(a.submap, *a.plane, a.surface, b.surface, match.a_from_b, options);
+  const Pair pair{a, b, match.a_from_b, options};
   const auto most = static_cast<std::size_t>(std::max(0, options.max_landmarks));
   std::vector<VirtualLandmark> repeating;  // would hold, but tell little
   GreedyChoice choice(candidates, options.min_spacing_m);

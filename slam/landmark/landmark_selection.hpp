@@ -5,7 +5,7 @@
 
 #include "slam/landmark/landmark.hpp"
 #include "slam/loop/submap_match.hpp"
-#include "slam/submap/finished_submap.hpp"
+#include "slam/loop/submap_view.hpp"
 
 namespace submapd {
 
@@ -20,7 +20,7 @@ struct LandmarkOptions {
 // Well-seen spots that both maps hold, chosen greedily D-optimal and apart, each refined against b's own map.
 // Fewer than two when the overlap does not carry them. REQUIRES: match.verdict == kAccepted (or a refined adjacent
 // pair).
-[[nodiscard]] std::vector<VirtualLandmark> choose_landmarks(const FinishedSubmap& a, const FinishedSubmap& b,
+[[nodiscard]] std::vector<VirtualLandmark> choose_landmarks(const SubmapView& a, const SubmapView& b,
                                                             const SubmapMatch& match, const LandmarkOptions& options);
 
 }  // namespace submapd

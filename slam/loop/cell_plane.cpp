@@ -46,6 +46,7 @@ std::optional<CellPlane> CellPlane::make(const FinishedSubmap& submap) {
   }
   CellPlane plane;
   plane.cell_m_ = submap.cell_m;
+  plane.cells_per_m_ = 1.0 / submap.cell_m;
   plane.x0_ = static_cast<int>(bx_min * kBlockCells);
   plane.y0_ = static_cast<int>(by_min * kBlockCells);
   plane.width_ = static_cast<int>(width);
@@ -71,6 +72,7 @@ CellPlane CellPlane::halved() const {
   static_assert(kBlockCells % 2 == 0);
   CellPlane half;
   half.cell_m_ = 2.0 * cell_m_;
+  half.cells_per_m_ = 0.5 * cells_per_m_;
   half.x0_ = x0_ / 2;
   half.y0_ = y0_ / 2;
   half.width_ = width_ / 2;

@@ -32,10 +32,11 @@ class CellPlane {
   [[nodiscard]] int width() const { return width_; }    // cells
   [[nodiscard]] int height() const { return height_; }  // cells
   [[nodiscard]] std::size_t known_cells() const { return known_cells_; }
+  [[nodiscard]] std::size_t bytes() const { return kinds_.capacity() * sizeof(CellKind); }
 
   // Plane coordinates (0, 0) .. (width - 1, height - 1) of a point in the sub-map's frame; may lie outside.
   [[nodiscard]] Eigen::Vector2i cell_at(const Eigen::Vector2d& point) const {
-    return {floor_to_int(point.x() / cell_m_) - x0_, floor_to_int(point.y() / cell_m_) - y0_};
+    return {floor_to_int(point.x() * cells_per_m_) - x0_, floor_to_int(point.y() * cells_per_m_) - y0_};
   }
   // Centre of a cell in the sub-map's frame, m.
   [[nodiscard]] Eigen::Vector2d centre_of(int x, int y) const {
@@ -63,6 +64,7 @@ class CellPlane {
   int width_ = 0;
   int height_ = 0;
   double cell_m_ = 0.05;
+  double cells_per_m_ = 20.0;
   std::size_t known_cells_ = 0;
   std::vector<CellKind> kinds_;
 };

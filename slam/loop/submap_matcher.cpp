@@ -21,7 +21,6 @@ namespace submapd {
 namespace {
 
 using internal::Alignment;
-using internal::MapView;
 
 constexpr double kMinRawShare = 0.08;  // of the best possible search score: the overlap may be a corner of b
 constexpr double kWeakSigma_m = 0.02;
@@ -33,14 +32,6 @@ constexpr double kTightSigma_rad = 0.0087;   // 0.5 deg
 constexpr double kDistinct_m = 0.5;          // a second peak is one that far from the best
 constexpr double kDistinct_rad = 0.0873;     // 5 deg
 constexpr double kWideWindow_rad = std::numbers::pi / 3.0;
-
-std::optional<MapView> make_view(const FinishedSubmap& submap) {
-  std::optional<CellPlane> plane = CellPlane::make(submap);
-  if (!plane) {
-    return std::nullopt;
-  }
-  return MapView{std::move(*plane), SurfaceIndex(submap)};
-}
 
 // Covariance of a_from_b and what is weak in it, from the information about the pivot.
 struct Confidence {
@@ -88,7 +79,7 @@ Confidence judge_information(const Alignment& alignment, const SubmapMatcherOpti
 }
 
 // Whether a on b and b on a, each by itself, come to the same place in all but the weak directions.
-bool is_symmetric(const MapView& a, const MapView& b, const Alignment& joint, const Confidence& confidence,
+bool is_symmetric(const SubmapView& a, const SubmapView& b, const Alignment& joint, const Confidence& confidence,
                   const SubmapMatcherOptions& options) {
   const Alignment a_on_b = internal::align_surfaces(a.surface, b.surface, joint.a_from_b,
                                                     internal::AlignDirection::kAOnB, internal::AlignStages::kFineOnly);
@@ -105,7 +96,7 @@ bool is_symmetric(const MapView& a, const MapView& b, const Alignment& joint, co
 }
 
 // Fills in the figures at a_from_b and the verdict of the tests that search() and refine() share.
-void verify(const MapView& a, const MapView& b, const Alignment& alignment, const SubmapMatcherOptions& options,
+void verify(const SubmapView& a, const SubmapView& b, const Alignment& alignment, const SubmapMatcherOptions& options,
             SubmapMatch& match) {
   const Confidence confidence = judge_information(alignment, options);
   match.a_from_b = alignment.a_from_b;
@@ -144,7 +135,7 @@ bool is_tight(const MatchPrior& prior) {
 
 // Aligns the surfaces from `start` and judges the outcome, by the prior as well. Leaves `start` with kLowScore if too
 // little can be paired.
-void judge_placement(const MapView& a, const MapView& b, const Pose2& start, const MatchPrior& prior,
+void judge_placement(const SubmapView& a, const SubmapView& b, const Pose2& start, const MatchPrior& prior,
                      const SubmapMatcherOptions& options, SubmapMatch& match) {
   const Alignment alignment = internal::align_surfaces(a.surface, b.surface, start, internal::AlignDirection::kBoth,
                                                        internal::AlignStages::kCoarseToFine);
@@ -187,29 +178,28 @@ SubmapMatch named(const FinishedSubmap& a, const FinishedSubmap& b, const Pose2&
 
 }  // namespace
 
-SubmapMatch SubmapMatcher::search(const FinishedSubmap& a, const FinishedSubmap& b, const MatchPrior& prior) const {
-  SubmapMatch match = named(a, b, prior.a_from_b);
+SubmapMatch SubmapMatcher::search(const SubmapView& a, const SubmapView& b, const MatchPrior& prior) const {
+  SubmapMatch match = named(a.submap, b.submap, prior.a_from_b);
   match.covariance = prior.covariance;
-  const std::optional<MapView> view_a = make_view(a);
-  const std::optional<MapView> view_b = make_view(b);
-  if (!view_a || !view_b) {
+  if (!a.plane || !b.plane) {
     return match;
   }
   if (is_tight(prior)) {
     // The gate would refuse whatever a search could find that the alignment does not, and any second peak with it.
-    judge_placement(*view_a, *view_b, prior.a_from_b, prior, options_, match);
+    judge_placement(a, b, prior.a_from_b, prior, options_, match);
     return match;
   }
-  const std::vector<Eigen::Vector2d> points = internal::thinned_points(view_b->surface);
+  const std::vector<Eigen::Vector2d> points = internal::thinned_points(b.surface);
   if (points.empty()) {
     return match;
   }
   // Searched at twice the cell: the alignment that follows catches what is decimetres off, and a search at full
   // resolution costs eight times as much.
-  const CellPlane plane = view_a->plane.halved();
+  const CellPlane plane = a.plane->halved();
   const double cell_m = plane.cell_m();
-  const internal::SearchWindow window = window_of(prior, a, b, cell_m, internal::outer_radius_m(points), options_);
-  const internal::MatchGrid grid(plane, view_a->surface,
+  const internal::SearchWindow window =
+      window_of(prior, a.submap, b.submap, cell_m, internal::outer_radius_m(points), options_);
+  const internal::MatchGrid grid(plane, a.surface,
                                  internal::levels_for(std::max(window.half_x_m, window.half_y_m), cell_m));
   const internal::PlacementSearch placements(plane, grid, points, window);
   const double full_score = 255.0 * static_cast<double>(points.size());
@@ -217,7 +207,7 @@ SubmapMatch SubmapMatcher::search(const FinishedSubmap& a, const FinishedSubmap&
   if (!found) {
     return match;
   }
-  judge_placement(*view_a, *view_b, found->a_from_b, prior, options_, match);
+  judge_placement(a, b, found->a_from_b, prior, options_, match);
   const internal::ExclusionZone zone{found->a_from_b, kDistinct_m, kDistinct_rad};
   const auto second =
       placements.best(static_cast<std::int32_t>(std::ceil(options_.max_second_peak * found->score)) + 1, &zone);
@@ -228,8 +218,8 @@ SubmapMatch SubmapMatcher::search(const FinishedSubmap& a, const FinishedSubmap&
     match.second_peak = static_cast<double>(second->score) / static_cast<double>(found->score);
   } else {
     // The search's cells are coarse: what counts is whether the rival passes once it is aligned, if it stays a rival.
-    SubmapMatch rival = named(a, b, second->a_from_b);
-    judge_placement(*view_a, *view_b, second->a_from_b, prior, options_, rival);
+    SubmapMatch rival = named(a.submap, b.submap, second->a_from_b);
+    judge_placement(a, b, second->a_from_b, prior, options_, rival);
     const Pose2 apart = between(match.a_from_b, rival.a_from_b);
     const bool distinct = apart.translation().norm() > kDistinct_m || std::abs(apart.yaw) > kDistinct_rad;
     if (rival.verdict == MatchVerdict::kAccepted && distinct) {
@@ -243,23 +233,21 @@ SubmapMatch SubmapMatcher::search(const FinishedSubmap& a, const FinishedSubmap&
   return match;
 }
 
-SubmapMatch SubmapMatcher::refine(const FinishedSubmap& a, const FinishedSubmap& b, const Pose2& start) const {
-  SubmapMatch match = named(a, b, start);
+SubmapMatch SubmapMatcher::refine(const SubmapView& a, const SubmapView& b, const Pose2& start) const {
+  SubmapMatch match = named(a.submap, b.submap, start);
   match.verdict = MatchVerdict::kLowScore;
-  const std::optional<MapView> view_a = make_view(a);
-  const std::optional<MapView> view_b = make_view(b);
-  if (!view_a || !view_b) {
+  if (!a.plane || !b.plane) {
     return match;
   }
-  const Alignment alignment = internal::align_surfaces(
-      view_a->surface, view_b->surface, start, internal::AlignDirection::kBoth, internal::AlignStages::kCoarseToFine);
+  const Alignment alignment = internal::align_surfaces(a.surface, b.surface, start, internal::AlignDirection::kBoth,
+                                                       internal::AlignStages::kCoarseToFine);
   // Judged at the overlap, where the surfaces are, and not at an origin that may be far from it.
   const Eigen::Vector2d pivot_before = transform(start, transform(inverse(alignment.a_from_b), alignment.pivot));
   if (alignment.pairs == 0 || (pivot_before - alignment.pivot).norm() > kRefineReach_m ||
       std::abs(wrap_angle(alignment.a_from_b.yaw - start.yaw)) > kRefineReach_rad) {
     return match;
   }
-  verify(*view_a, *view_b, alignment, options_, match);
+  verify(a, b, alignment, options_, match);
   return match;
 }
 

@@ -5,7 +5,7 @@
 
 #include "slam/base/pose2.hpp"
 #include "slam/loop/submap_match.hpp"
-#include "slam/submap/finished_submap.hpp"
+#include "slam/loop/submap_view.hpp"
 
 namespace submapd {
 
@@ -41,12 +41,12 @@ class SubmapMatcher {
   // Searches b's placement in a within 3 sigma of the prior, refines the best, judges it by every test of notes 9.2. If
   // it is refused, the next best may be the place; if both pass, neither is.
   // All figures are filled in as far as the match got; verdict says why it stopped.
-  [[nodiscard]] SubmapMatch search(const FinishedSubmap& a, const FinishedSubmap& b, const MatchPrior& prior) const;
+  [[nodiscard]] SubmapMatch search(const SubmapView& a, const SubmapView& b, const MatchPrior& prior) const;
 
   // For sub-maps whose relative pose is known to a few centimetres (adjacent ones): refinement from `start` only, no
   // branch and bound, no second-peak test; falls back to `start` with verdict kLowScore when the refinement leaves it
   // by more than 0.3 m or 3 deg.
-  [[nodiscard]] SubmapMatch refine(const FinishedSubmap& a, const FinishedSubmap& b, const Pose2& start) const;
+  [[nodiscard]] SubmapMatch refine(const SubmapView& a, const SubmapView& b, const Pose2& start) const;
 
  private:
   SubmapMatcherOptions options_;

@@ -2,10 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 #include <map>
 #include <numbers>
 #include <utility>
+
+#include "slam/base/floor_to_int.hpp"
 
 namespace submapd {
 namespace {
@@ -65,15 +66,22 @@ void find_extent(SubmapOutline& outline) {
 class GrownCells {
  public:
   // REQUIRES: outline.known is not empty.
-  GrownCells(const SubmapOutline& outline, double grow_m) : cell_m_(outline.coarse_cell_m) {
-    const int steps = static_cast<int>(std::min(grow_m / cell_m_ + 1e-9, static_cast<double>(kMaxCoarse)));
+  GrownCells(const SubmapOutline& outline, double grow_m) {
+    const double reach = grow_m / outline.coarse_cell_m + 1e-9;
+    const int steps = static_cast<int>(std::min(reach, static_cast<double>(kMaxCoarse)));
     first_row_ = outline.known.front()[1] - steps;
     runs_.resize(static_cast<std::size_t>(outline.known.back()[1] + steps - first_row_ + 1));
-    const double reach = grow_m / cell_m_ + 1e-9;
-    for (const auto& cell : outline.known) {
+    std::vector<int> half_width;  // of what a cell grows into, by rows from it
+    for (int dy = 0; dy <= steps; ++dy) {
+      half_width.push_back(static_cast<int>(std::sqrt(std::max(0.0, reach * reach - dy * dy))));
+    }
+    for (std::size_t i = 0; i < outline.known.size();) {
+      const auto& [first, y] = outline.known[i];
+      int last = first;
+      while (++i < outline.known.size() && outline.known[i][1] == y && outline.known[i][0] == last + 1) ++last;
       for (int dy = -steps; dy <= steps; ++dy) {
-        const int half = static_cast<int>(std::sqrt(std::max(0.0, reach * reach - dy * dy)));
-        add(runs_[static_cast<std::size_t>(cell[1] + dy - first_row_)], cell[0] - half, cell[0] + half);
+        const int half = half_width[static_cast<std::size_t>(std::abs(dy))];
+        add(runs_[static_cast<std::size_t>(y + dy - first_row_)], first - half, last + half);
       }
     }
     for (auto& row : runs_) {
@@ -81,16 +89,15 @@ class GrownCells {
     }
   }
 
-  [[nodiscard]] bool contains(const Eigen::Vector2d& place) const {
-    const double row_at = std::floor(place.y() / cell_m_) - first_row_;
-    if (!(row_at >= 0.0) || row_at >= static_cast<double>(runs_.size())) {
+  [[nodiscard]] bool contains(int x, int y) const {
+    const int row = y - first_row_;
+    if (row < 0 || row >= static_cast<int>(runs_.size())) {
       return false;
     }
-    const auto& row = runs_[static_cast<std::size_t>(row_at)];
-    const double column = std::floor(place.x() / cell_m_);
-    const auto after = std::upper_bound(row.begin(), row.end(), column,
-                                        [](double x, const std::pair<int, int>& run) { return x < run.first; });
-    return after != row.begin() && column <= std::prev(after)->second;
+    for (const auto& [first, last] : runs_[static_cast<std::size_t>(row)]) {
+      if (x <= last) return x >= first;
+    }
+    return false;
   }
 
  private:
@@ -105,14 +112,17 @@ class GrownCells {
   }
   static void merge(Runs& row) {
     std::sort(row.begin(), row.end());
-    Runs merged;
-    for (const auto& [first, last] : row) {
-      add(merged, first, last);
+    std::size_t merged = 0;
+    for (const auto& run : row) {
+      if (merged > 0 && run.first <= row[merged - 1].second + 1) {
+        row[merged - 1].second = std::max(row[merged - 1].second, run.second);
+      } else {
+        row[merged++] = run;
+      }
     }
-    row = std::move(merged);
+    row.resize(merged);
   }
 
-  double cell_m_;
   int first_row_ = 0;
   std::vector<Runs> runs_;
 };
@@ -157,10 +167,14 @@ double overlap_m2(const SubmapOutline& a, const SubmapOutline& b, const Pose2& a
     return 0.0;
   }
   const GrownCells grown(a, std::max(0.0, grow_m));
+  // In cells of a.
+  const double scale = b.coarse_cell_m / a.coarse_cell_m;
+  const Eigen::Matrix2d turn = scale * rotation(a_from_b.yaw);
+  const Eigen::Vector2d shift = a_from_b.translation() / a.coarse_cell_m;
   std::size_t common = 0;
   for (const auto& cell : b.known) {
-    const Eigen::Vector2d centre = b.coarse_cell_m * Eigen::Vector2d(cell[0] + 0.5, cell[1] + 0.5);
-    common += grown.contains(transform(a_from_b, centre)) ? 1 : 0;
+    const Eigen::Vector2d place = turn * Eigen::Vector2d(cell[0] + 0.5, cell[1] + 0.5) + shift;
+    common += grown.contains(floor_to_int(place.x()), floor_to_int(place.y())) ? 1 : 0;
   }
   return static_cast<double>(common) * b.coarse_cell_m * b.coarse_cell_m;
 }

@@ -63,12 +63,13 @@ void SurfaceIndex::build_buckets() {
   while ((extent.x() / bucket_m_ + 1.0) * (extent.y() / bucket_m_ + 1.0) > kMaxBuckets) {
     bucket_m_ *= 2.0;
   }
-  columns_ = static_cast<int>(extent.x() / bucket_m_) + 1;
-  rows_ = static_cast<int>(extent.y() / bucket_m_) + 1;
+  buckets_per_m_ = 1.0 / bucket_m_;
+  columns_ = static_cast<int>(extent.x() * buckets_per_m_) + 1;
+  rows_ = static_cast<int>(extent.y() * buckets_per_m_) + 1;
 
   const auto bucket_of = [this](const SurfaceElement& element) {
-    const int column = std::min(columns_ - 1, static_cast<int>((element.mean.x() - origin_.x()) / bucket_m_));
-    const int row = std::min(rows_ - 1, static_cast<int>((element.mean.y() - origin_.y()) / bucket_m_));
+    const int column = std::min(columns_ - 1, static_cast<int>((element.mean.x() - origin_.x()) * buckets_per_m_));
+    const int row = std::min(rows_ - 1, static_cast<int>((element.mean.y() - origin_.y()) * buckets_per_m_));
     return static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) + static_cast<std::size_t>(column);
   };
   first_.assign(static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_) + 1, 0);
@@ -114,28 +115,26 @@ void SurfaceIndex::pool_lines() {
   }
 }
 
-template <typename Visit>
-void SurfaceIndex::visit_near(const Eigen::Vector2d& point, double radius_m, const Visit& visit) const {
+// The buckets that a circle reaches; none if columns or rows are empty.
+SurfaceIndex::BucketRange SurfaceIndex::buckets_near(const Eigen::Vector2d& point, double radius_m) const {
   const Eigen::Vector2d local = point - origin_;
   // One bucket beyond either side stands for all that is farther out.
   const auto bucket = [this](double coordinate_m, int count) {
-    const double place = coordinate_m / bucket_m_ + 1.0;
+    const double place = coordinate_m * buckets_per_m_ + 1.0;
     return (place > 0.0 ? static_cast<int>(std::min(place, count + 1.0)) : 0) - 1;
   };
-  const int column_low = bucket(local.x() - radius_m, columns_);
-  const int column_high = bucket(local.x() + radius_m, columns_);
-  const int row_low = bucket(local.y() - radius_m, rows_);
-  const int row_high = bucket(local.y() + radius_m, rows_);
-  if (elements_.empty() || column_high < 0 || row_high < 0 || column_low >= columns_ || row_low >= rows_) {
-    return;
-  }
-  const int column_first = std::max(0, column_low);
-  const int column_last = std::min(columns_ - 1, column_high);
-  const int row_last = std::min(rows_ - 1, row_high);
-  for (int row = std::max(0, row_low); row <= row_last; ++row) {
-    const std::size_t start = static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_);
-    const std::int32_t end = first_[start + static_cast<std::size_t>(column_last) + 1];
-    for (std::int32_t i = first_[start + static_cast<std::size_t>(column_first)]; i < end; ++i) {
+  return {std::max(0, bucket(local.x() - radius_m, columns_)),
+          std::min(columns_ - 1, bucket(local.x() + radius_m, columns_)),
+          std::max(0, bucket(local.y() - radius_m, rows_)), std::min(rows_ - 1, bucket(local.y() + radius_m, rows_))};
+}
+
+template <typename Visit>
+void SurfaceIndex::visit_near(const Eigen::Vector2d& point, double radius_m, const Visit& visit) const {
+  const BucketRange range = buckets_near(point, radius_m);
+  if (range.column_first > range.column_last) return;
+  for (int row = range.row_first; row <= range.row_last; ++row) {
+    const std::int32_t* first = first_of(row);
+    for (std::int32_t i = first[range.column_first]; i < first[range.column_last + 1]; ++i) {
       const double distance2 = (elements_[static_cast<std::size_t>(i)].mean - point).squaredNorm();
       if (distance2 <= radius_m * radius_m) {
         visit(i, distance2);
@@ -144,22 +143,39 @@ void SurfaceIndex::visit_near(const Eigen::Vector2d& point, double radius_m, con
   }
 }
 
+// From the point's own row outwards, until a row is farther than what has been found.
 std::int32_t SurfaceIndex::closest(const Eigen::Vector2d& point, const Eigen::Vector2d& normal, double radius_m,
                                    double min_cosine) const {
+  const BucketRange range = buckets_near(point, radius_m);
+  if (range.column_first > range.column_last) return kNone;
   std::int32_t best = kNone;
-  double best_distance2 = 0.0;
+  double best_distance2 = radius_m * radius_m;
   const bool has_normal = !normal.isZero(0.0);
-  visit_near(point, radius_m, [&](std::int32_t i, double distance2) {
-    if (best != kNone && distance2 >= best_distance2) {
-      return;
+  const auto search_row = [&](int row) {
+    const std::int32_t* first = first_of(row);
+    const std::int32_t end = first[range.column_last + 1];
+    for (std::int32_t i = first[range.column_first]; i < end; ++i) {
+      const SurfaceElement& element = elements_[static_cast<std::size_t>(i)];
+      const double distance2 = (element.mean - point).squaredNorm();
+      if (distance2 >= best_distance2) continue;
+      if (has_normal && element.line_like() && element.normal.dot(normal) < min_cosine) continue;
+      best = i;
+      best_distance2 = distance2;
     }
-    const SurfaceElement& element = elements_[static_cast<std::size_t>(i)];
-    if (has_normal && element.line_like() && element.normal.dot(normal) < min_cosine) {
-      return;
-    }
-    best = i;
-    best_distance2 = distance2;
-  });
+  };
+  const double y = point.y() - origin_.y();
+  const int middle = std::clamp(static_cast<int>(std::clamp(y * buckets_per_m_, 0.0, static_cast<double>(rows_))),
+                                range.row_first, range.row_last + 1);
+  for (int row = middle; row <= range.row_last; ++row) {
+    const double below = row * bucket_m_ - y;
+    if (below > 0.0 && below * below >= best_distance2) break;
+    search_row(row);
+  }
+  for (int row = middle - 1; row >= range.row_first; --row) {
+    const double above = y - (row + 1) * bucket_m_;
+    if (above > 0.0 && above * above >= best_distance2) break;
+    search_row(row);
+  }
   return best;
 }
 

@@ -30,6 +30,9 @@ class SurfaceIndex {
   explicit SurfaceIndex(const FinishedSubmap& submap);
 
   [[nodiscard]] const std::vector<SurfaceElement>& elements() const { return elements_; }
+  [[nodiscard]] std::size_t bytes() const {
+    return elements_.capacity() * sizeof(SurfaceElement) + first_.capacity() * sizeof(std::int32_t);
+  }
 
   // Index of the element closest to `point` within radius_m, or kNone. If both `normal` and the element's are set they
   // must agree within acos(min_cosine): thin walls seen from both sides are two surfaces.
@@ -42,11 +45,24 @@ class SurfaceIndex {
  private:
   void build_buckets();
   void pool_lines();
+  // Columns and rows, both ends included.
+  struct BucketRange {
+    int column_first;
+    int column_last;
+    int row_first;
+    int row_last;
+  };
+  [[nodiscard]] BucketRange buckets_near(const Eigen::Vector2d& point, double radius_m) const;
+  // REQUIRES: 0 <= row < rows_. The next row follows.
+  [[nodiscard]] const std::int32_t* first_of(int row) const {
+    return &first_[static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_)];
+  }
   template <typename Visit>
   void visit_near(const Eigen::Vector2d& point, double radius_m, const Visit& visit) const;
 
   std::vector<SurfaceElement> elements_;  // sorted by bucket
   double bucket_m_ = 0.2;
+  double buckets_per_m_ = 5.0;
   Eigen::Vector2d origin_ = Eigen::Vector2d::Zero();
   int columns_ = 0;
   int rows_ = 0;

@@ -25,6 +25,17 @@ void count_up(std::uint8_t& one, std::uint8_t& other) {
   other = static_cast<std::uint8_t>(other / 2);
 }
 
+// The same for misses of a row of cells, but for those that bear the mark; without branches, so that it vectorises.
+void count_misses(std::size_t cells, const std::uint8_t* marks, std::uint8_t mark, std::uint8_t* misses,
+                  std::uint8_t* hits) {
+  for (std::size_t i = 0; i < cells; ++i) {
+    const auto counted = static_cast<std::uint8_t>(misses[i] + (marks[i] != mark ? 1 : 0));
+    const bool full = counted >= kCountLimit;
+    misses[i] = static_cast<std::uint8_t>(full ? counted / 2 : counted);
+    hits[i] = static_cast<std::uint8_t>(full ? hits[i] / 2 : hits[i]);
+  }
+}
+
 }  // namespace
 
 MapBuilder::MapBuilder(double cell_m, std::size_t bytes_limit, const OccupancyOptions& occupancy, int max_beams)
@@ -108,10 +119,9 @@ void MapBuilder::insert(const Keyframe& keyframe, const Pose2& map_from_base) {
     if (y < 0 || y >= height_) continue;
     const int begin = std::max(span.ix_begin - kMapBias + cx, 0);
     const int end = std::min(span.ix_end - kMapBias + cx, width_);
-    for (int x = begin; x < end; ++x) {
-      const std::size_t i = at(x, y);
-      if (marks_[i] != scan_mark_) count_up(misses_[i], hits_[i]);
-    }
+    if (begin >= end) continue;
+    const std::size_t first = at(begin, y);
+    count_misses(static_cast<std::size_t>(end - begin), &marks_[first], scan_mark_, &misses_[first], &hits_[first]);
   }
 }
 

@@ -210,9 +210,9 @@ TrialResult TrialGround::run(const Trial& trial) const {
   TrialResult result;
   Members members(run_, trial);
   PairTools watched = tools_;
-  watched.search = [&](const FinishedSubmap& a, const FinishedSubmap& b, const MatchPrior& prior) {
+  watched.search = [&](const SubmapView& a, const SubmapView& b, const MatchPrior& prior) {
     SubmapMatch match = tools_.search(a, b, prior);
-    if (a.id.index == kA && b.id.index == kB) result.match = match;
+    if (a.submap.id.index == kA && b.submap.id.index == kB) result.match = match;
     return match;
   };
   graph::LoopSearch search(watched, members);
@@ -227,7 +227,7 @@ TrialResult TrialGround::run(const Trial& trial) const {
     model.poses.push_back(whole.poses[k]);
     if (!model.links[k].linked) continue;
     const auto newest = members.load(k);
-    model.links[k].landmarks = search.tie_neighbours(model, **newest, kRoom);
+    model.links[k].landmarks = search.tie_neighbours(model, *newest, kRoom);
   }
   std::vector<graph::LoopCandidate> candidates;
   const graph::RelativeUncertainty uncertainty(model);
@@ -243,7 +243,7 @@ TrialResult TrialGround::run(const Trial& trial) const {
   result.accepted = result.match.verdict == MatchVerdict::kAccepted;
 
   // A failed solve keeps the poses, here as in the optimizer.
-  (void)graph::settle_loops(model, true, [&](const std::vector<std::size_t>& news) {
+  (void)graph::settle_loops(model, true, false, [&](const std::vector<std::size_t>& news) {
     const auto summary = graph::solve_live(model, news);
     return summary ? Status{} : summary.error();
   });

@@ -2,6 +2,7 @@
 
 #include <Eigen/LU>
 #include <algorithm>
+#include <utility>
 
 #include "slam/graph/internal/condensation.hpp"
 
@@ -119,19 +120,30 @@ TrackGraph build_track_graph(const GraphModel& model) {
 }
 
 Expected<SolveSummary> solve_track_graph(TrackGraph& graph, bool robust_loss, const std::atomic<bool>* cancelled) {
+  std::vector<bool> needed(graph.track.size(), false);
+  for (const auto& row : graph.sights) needed[row.track_point] = true;
+  const TrackChains chains(graph.chain, std::move(needed));
   LeastSquaresGraph problem;
-  problem.poses.reserve(graph.track.size());
-  for (const OptimizedKeyframe& keyframe : graph.track) problem.poses.push_back(keyframe.map_from_base);
+  std::vector<std::uint32_t> place(graph.track.size(), 0);  // of kept track points in the problem
+  for (std::uint32_t k = 0; k < graph.track.size(); ++k) {
+    place[k] = static_cast<std::uint32_t>(problem.poses.size());
+    if (chains.is_kept(k)) problem.poses.push_back(graph.track[k].map_from_base);
+  }
   problem.points = graph.landmarks;
-  for (const auto& row : graph.chain) {
-    problem.pose_rows.push_back({row.from, row.to, row.measurement, whitening_or_soft(row.covariance)});
+  for (const ChainRow& row : chains.rows()) {
+    problem.pose_rows.push_back({place[row.from], place[row.to], row.measurement, whitening_or_soft(row.covariance)});
   }
   for (const auto& row : graph.sights) {
-    problem.point_rows.push_back({row.track_point, row.landmark, row.z, *whitening(row.covariance)});
+    problem.point_rows.push_back({place[row.track_point], row.landmark, row.z, *whitening(row.covariance)});
   }
   const auto summary = solve(problem, {kFinalIterations, robust_loss ? kFinalCauchyScale : kPlainScale, cancelled});
   if (!summary) return summary;
-  for (std::size_t k = 0; k < graph.track.size(); ++k) graph.track[k].map_from_base = problem.poses[k];
+  std::vector<Pose2> solved(graph.track.size());
+  for (std::uint32_t k = 0; k < solved.size(); ++k) {
+    if (chains.is_kept(k)) solved[k] = problem.poses[place[k]];
+  }
+  chains.place_others(solved);
+  for (std::size_t k = 0; k < solved.size(); ++k) graph.track[k].map_from_base = solved[k];
   graph.landmarks = std::move(problem.points);
   return summary;
 }

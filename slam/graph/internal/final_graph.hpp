@@ -14,6 +14,7 @@
 #include "slam/base/status.hpp"
 #include "slam/graph/internal/graph_model.hpp"
 #include "slam/graph/internal/least_squares.hpp"
+#include "slam/graph/internal/track_chains.hpp"
 #include "slam/graph/optimizer.hpp"
 
 namespace submapd::graph {
@@ -33,12 +34,6 @@ inline constexpr std::uint32_t kNoTrackPoint = std::numeric_limits<std::uint32_t
 
 // Rows of the whole problem before whitening: they are both solved and exported.
 struct TrackGraph {
-  struct ChainRow {
-    std::uint32_t from = 0;
-    std::uint32_t to = 0;
-    Pose2 measurement;
-    Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
-  };
   struct SightRow {
     std::uint32_t track_point = 0;
     std::uint32_t landmark = 0;
@@ -61,7 +56,8 @@ inline constexpr std::size_t kMostSights = 24'000;
 // for a pair) landmarks are thinned.
 [[nodiscard]] TrackGraph build_track_graph(const GraphModel& model);
 
-// Solves in place, up to 50 iterations. `robust_loss`: GraphParts; `cancelled`: SolveOptions.
+// Solves in place, up to 50 iterations, without the track points that only pass the chain on (TrackChains).
+// `robust_loss`: GraphParts; `cancelled`: SolveOptions.
 Expected<SolveSummary> solve_track_graph(TrackGraph& graph, bool robust_loss = true,
                                          const std::atomic<bool>* cancelled = nullptr);
 

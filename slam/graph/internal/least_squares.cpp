@@ -11,7 +11,9 @@
 #include <Eigen/LU>
 #include <array>
 #include <cmath>
+#include <map>
 #include <memory>
+#include <utility>
 
 #include "slam/graph/internal/cost_functions.hpp"
 #include "slam/graph/internal/uncertain_pose.hpp"
@@ -165,7 +167,7 @@ Expected<SolveSummary> solve(LeastSquaresGraph& graph, const SolveOptions& optio
   PoseManifold manifold;
   ceres::CauchyLoss cauchy(options.cauchy_scale);
   const std::vector<CommonPlace> common = find_common_places(graph);
-  SharedCauchyLoss shared_cauchy(options.cauchy_scale);
+  const SharedCauchyLoss shared_cauchy(options.cauchy_scale);
   ceres::Problem::Options ownership;
   ownership.disable_all_safety_checks = true;
   ownership.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
@@ -182,14 +184,19 @@ Expected<SolveSummary> solve(LeastSquaresGraph& graph, const SolveOptions& optio
                              points[row.point].data());
   }
   std::size_t free_points = points.size();
+  std::map<std::pair<std::uint32_t, std::uint32_t>, CommonPlacesCost*> tied;  // the problem owns them
   for (const CommonPlace& place : common) {
     if (place.first == nullptr) continue;
     --free_points;
     const auto white =
         whitening(Eigen::Matrix2d(covariance_of(*place.first) + covariance_in_first(place, graph.poses)));
     if (!white) continue;
-    problem.AddResidualBlock(new CommonPlaceCost(place.first->measurement, place.second->measurement, *white),
-                             &shared_cauchy, poses[place.first->pose].data(), poses[place.second->pose].data());
+    CommonPlacesCost*& cost = tied[{place.first->pose, place.second->pose}];
+    if (cost == nullptr) {
+      cost = new CommonPlacesCost(shared_cauchy);
+      problem.AddResidualBlock(cost, nullptr, poses[place.first->pose].data(), poses[place.second->pose].data());
+    }
+    cost->add(place.first->measurement, place.second->measurement, *white);
   }
   problem.SetParameterBlockConstant(poses[0].data());
 

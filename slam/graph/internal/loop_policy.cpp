@@ -183,17 +183,17 @@ int demote_loops(GraphModel& model) {
   return demoted;
 }
 
-Status settle_loops(GraphModel& model, bool accept_lone,
+Status settle_loops(GraphModel& model, bool accept_lone, bool solved,
                     const std::function<Status(const std::vector<std::size_t>& news)>& solve) {
-  if (Status status = solve({}); !status.ok()) return status;
   for (int round = 0; round < kPolicyRounds; ++round) {
     const auto news = confirm_loops(model, accept_lone);
     if (news.empty()) break;
     if (Status status = solve(news); !status.ok()) return status;
+    solved = true;
     if (demote_loops(model) == 0) continue;
     if (Status status = solve({}); !status.ok()) return status;
   }
-  return {};
+  return solved ? Status{} : solve({});
 }
 
 int reject_contradicted(GraphModel& model) {

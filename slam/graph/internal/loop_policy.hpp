@@ -31,9 +31,9 @@ std::vector<std::size_t> confirm_loops(GraphModel& model, bool accept_lone);
 // Confirmed loops that weigh less than 0.25 go back to pending; returns how many.
 int demote_loops(GraphModel& model);
 
-// Solves, then confirms, solves and demotes until nothing more follows. `solve` gets the loops confirmed since the last
-// time; its first error ends it.
-Status settle_loops(GraphModel& model, bool accept_lone,
+// Confirms, solves and demotes until nothing more follows. `solved`: the poses are those of the graph as it is, it need
+// not be solved if nothing is confirmed. `solve` gets the loops confirmed since the last time; its first error ends it.
+Status settle_loops(GraphModel& model, bool accept_lone, bool solved,
                     const std::function<Status(const std::vector<std::size_t>& news)>& solve);
 
 // At the end: pending loops that plainly contradict the finished graph are rejected and lose their landmarks.

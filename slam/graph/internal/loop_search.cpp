@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 #include "slam/graph/internal/least_squares.hpp"
+#include "slam/submap/submap_codec.hpp"
 
 namespace submapd::graph {
 namespace {
@@ -12,6 +14,7 @@ namespace {
 constexpr double kRetryM = 1.0;
 constexpr double kRetryRad = 5.0 * kDegree;
 constexpr std::size_t kMinLandmarks = 2;  // fewer do not fix a pose
+constexpr std::size_t kViewBytes = 8U << 20;
 
 Eigen::Vector2d place_of(const std::vector<VirtualLandmark>& landmarks) {
   Eigen::Vector2d sum = Eigen::Vector2d::Zero();
@@ -82,16 +85,35 @@ std::vector<LoopCandidate> LoopSearch::spread_out(const GraphModel& model, const
   return chosen;
 }
 
-std::shared_ptr<const FinishedSubmap> LoopSearch::load(std::uint32_t index) {
+const SubmapView* LoopSearch::view_of(std::uint32_t index) {
+  const auto kept = std::find_if(views_.begin(), views_.end(),
+                                 [index](const KeptView& one) { return one.submap->id.index == index; });
+  if (kept != views_.end()) {
+    views_.splice(views_.begin(), views_, kept);
+    return &views_.front().view;
+  }
   auto submap = source_.load(index);
-  if (submap && *submap != nullptr) return *submap;
-  ++load_failures_;
-  return nullptr;
+  if (!submap || *submap == nullptr) {
+    ++load_failures_;
+    return nullptr;
+  }
+  return keep_view(*submap);
+}
+
+const SubmapView* LoopSearch::keep_view(const std::shared_ptr<const FinishedSubmap>& submap) {
+  views_.push_front({submap, SubmapView(*submap)});
+  std::size_t bytes = 0;
+  for (auto one = views_.begin(); one != views_.end();) {
+    bytes += memory_bytes(*one->submap) + one->view.bytes();
+    const bool fits = bytes <= kViewBytes || one == views_.begin() || one == std::next(views_.begin());
+    one = fits ? std::next(one) : views_.erase(one);
+  }
+  return &views_.front().view;
 }
 
 void LoopSearch::run(GraphModel& model, const LoopCandidate& candidate, std::size_t bytes_left) {
-  const auto a = load(candidate.a);
-  const auto b = load(candidate.b);
+  const SubmapView* a = view_of(candidate.a);
+  const SubmapView* b = view_of(candidate.b);
   if (a == nullptr || b == nullptr) return;
   ++runs_;
   tried_[{candidate.a, candidate.b}] = candidate.prior.a_from_b;
@@ -120,16 +142,18 @@ void LoopSearch::run(GraphModel& model, const LoopCandidate& candidate, std::siz
   model.loops.push_back(std::move(record));
 }
 
-std::vector<VirtualLandmark> LoopSearch::tie_neighbours(const GraphModel& model, const FinishedSubmap& newest,
+std::vector<VirtualLandmark> LoopSearch::tie_neighbours(const GraphModel& model,
+                                                        const std::shared_ptr<const FinishedSubmap>& newest,
                                                         std::size_t bytes_left) {
   const auto b = static_cast<std::uint32_t>(model.links.size() - 1);
-  const auto a = load(b - 1);
+  const SubmapView* a = view_of(b - 1);
   if (a == nullptr) return {};
-  SubmapMatch match = tools_.refine(*a, newest, model.links[b].edge.mean);
+  const SubmapView* b_view = keep_view(newest);
+  SubmapMatch match = tools_.refine(*a, *b_view, model.links[b].edge.mean);
   if (match.verdict != MatchVerdict::kAccepted || !usable(match)) return {};
   match.a = b - 1;
   match.b = b;
-  std::vector<VirtualLandmark> landmarks = tools_.choose_landmarks(*a, newest, match);
+  std::vector<VirtualLandmark> landmarks = tools_.choose_landmarks(*a, *b_view, match);
   std::erase_if(landmarks, [&](const VirtualLandmark& landmark) { return !usable(model, landmark, b - 1, b); });
   landmarks.shrink_to_fit();
   if (bytes_of(landmarks) > bytes_left) {

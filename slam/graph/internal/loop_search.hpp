@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <list>
 #include <map>
 #include <memory>
 #include <set>
@@ -36,7 +37,8 @@ class LoopSearch {
   void run(GraphModel& model, const LoopCandidate& candidate, std::size_t bytes_left);
 
   // Landmarks between the neighbours `newest` - 1 and `newest`, from a refinement of the link's pose.
-  [[nodiscard]] std::vector<VirtualLandmark> tie_neighbours(const GraphModel& model, const FinishedSubmap& newest,
+  [[nodiscard]] std::vector<VirtualLandmark> tie_neighbours(const GraphModel& model,
+                                                            const std::shared_ptr<const FinishedSubmap>& newest,
                                                             std::size_t bytes_left);
 
   // The sub-map is never searched again.
@@ -45,6 +47,9 @@ class LoopSearch {
   void bar(std::uint32_t a, std::uint32_t b) { barred_.insert({a, b}); }
   [[nodiscard]] bool is_barred(std::uint32_t a, std::uint32_t b) const { return barred_.contains({a, b}); }
 
+  // Nothing will be searched for a while: the views kept for it may go.
+  void release() { views_.clear(); }
+
   [[nodiscard]] std::uint64_t runs() const { return runs_; }
   [[nodiscard]] std::uint64_t refused() const { return refused_; }
   [[nodiscard]] std::uint64_t refused_for_memory() const { return refused_for_memory_; }
@@ -52,12 +57,20 @@ class LoopSearch {
   [[nodiscard]] std::size_t bytes() const;
 
  private:
-  [[nodiscard]] std::shared_ptr<const FinishedSubmap> load(std::uint32_t index);
+  struct KeptView {
+    std::shared_ptr<const FinishedSubmap> submap;
+    SubmapView view;
+  };
+
+  // Null if it cannot be loaded. Good until the next but one.
+  [[nodiscard]] const SubmapView* view_of(std::uint32_t index);
+  const SubmapView* keep_view(const std::shared_ptr<const FinishedSubmap>& submap);
 
   const PairTools& tools_;
   SubmapSource& source_;
   std::map<std::pair<std::uint32_t, std::uint32_t>, Pose2> tried_;  // where the prior was
   std::set<std::pair<std::uint32_t, std::uint32_t>> barred_;
+  std::list<KeptView> views_;  // latest use first; at most kViewBytes, but two always
   std::uint64_t runs_ = 0;
   std::uint64_t refused_ = 0;
   std::uint64_t refused_for_memory_ = 0;

@@ -12,13 +12,13 @@ PairTools default_pair_tools(const SubmapMatcherOptions& options) {
   tools.overlap_m2 = [](const SubmapOutline& a, const SubmapOutline& b, const Pose2& a_from_b, double grow_m) {
     return overlap_m2(a, b, a_from_b, grow_m);
   };
-  tools.search = [matcher](const FinishedSubmap& a, const FinishedSubmap& b, const MatchPrior& prior) {
+  tools.search = [matcher](const SubmapView& a, const SubmapView& b, const MatchPrior& prior) {
     return matcher.search(a, b, prior);
   };
-  tools.refine = [matcher](const FinishedSubmap& a, const FinishedSubmap& b, const Pose2& start) {
+  tools.refine = [matcher](const SubmapView& a, const SubmapView& b, const Pose2& start) {
     return matcher.refine(a, b, start);
   };
-  tools.choose_landmarks = [](const FinishedSubmap& a, const FinishedSubmap& b, const SubmapMatch& match) {
+  tools.choose_landmarks = [](const SubmapView& a, const SubmapView& b, const SubmapMatch& match) {
     return choose_landmarks(a, b, match, LandmarkOptions{});
   };
   return tools;

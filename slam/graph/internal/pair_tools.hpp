@@ -8,6 +8,7 @@
 #include "slam/loop/submap_match.hpp"
 #include "slam/loop/submap_matcher.hpp"
 #include "slam/loop/submap_outline.hpp"
+#include "slam/loop/submap_view.hpp"
 #include "slam/submap/finished_submap.hpp"
 
 namespace submapd {
@@ -17,9 +18,9 @@ struct PairTools {
   std::function<SubmapOutline(const FinishedSubmap&)> make_outline;
   std::function<double(const SubmapOutline& a, const SubmapOutline& b, const Pose2& a_from_b, double grow_m)>
       overlap_m2;
-  std::function<SubmapMatch(const FinishedSubmap& a, const FinishedSubmap& b, const MatchPrior& prior)> search;
-  std::function<SubmapMatch(const FinishedSubmap& a, const FinishedSubmap& b, const Pose2& start)> refine;
-  std::function<std::vector<VirtualLandmark>(const FinishedSubmap& a, const FinishedSubmap& b, const SubmapMatch&)>
+  std::function<SubmapMatch(const SubmapView& a, const SubmapView& b, const MatchPrior& prior)> search;
+  std::function<SubmapMatch(const SubmapView& a, const SubmapView& b, const Pose2& start)> refine;
+  std::function<std::vector<VirtualLandmark>(const SubmapView& a, const SubmapView& b, const SubmapMatch&)>
       choose_landmarks;
 };
 

@@ -7,16 +7,15 @@
 namespace submapd::internal {
 namespace {
 
-constexpr int kKernelRadius = 5;     // cells; beyond it the score rounds to nothing
 constexpr double kScoreSigma = 1.5;  // cells
-constexpr int kKernelSide = 2 * kKernelRadius + 1;
+constexpr int kKernelSide = 2 * kScoreReach + 1;
 
 std::array<std::uint8_t, kKernelSide * kKernelSide> score_kernel() {
   std::array<std::uint8_t, kKernelSide * kKernelSide> kernel{};
-  for (int y = -kKernelRadius; y <= kKernelRadius; ++y) {
-    for (int x = -kKernelRadius; x <= kKernelRadius; ++x) {
+  for (int y = -kScoreReach; y <= kScoreReach; ++y) {
+    for (int x = -kScoreReach; x <= kScoreReach; ++x) {
       const double score = 255.0 * std::exp(-static_cast<double>(x * x + y * y) / (2.0 * kScoreSigma * kScoreSigma));
-      kernel[static_cast<std::size_t>((y + kKernelRadius) * kKernelSide + x + kKernelRadius)] =
+      kernel[static_cast<std::size_t>((y + kScoreReach) * kKernelSide + x + kScoreReach)] =
           static_cast<std::uint8_t>(score + 0.5);
     }
   }
@@ -31,9 +30,9 @@ MatchGrid::Level MatchGrid::score_plane(const CellPlane& plane, const SurfaceInd
   std::vector<std::uint8_t> occupied(static_cast<std::size_t>(plane.width()) *
                                      static_cast<std::size_t>(plane.height()));
   for (int y = 0; y < plane.height(); ++y) {
-    for (int x = 0; x < plane.width(); ++x) {
-      occupied[static_cast<std::size_t>(y * plane.width() + x)] = plane.kind(x, y) == CellKind::kOccupied ? 1 : 0;
-    }
+    const std::span<const CellKind> row = plane.row(y);
+    std::uint8_t* out = &occupied[static_cast<std::size_t>(y) * row.size()];
+    for (std::size_t x = 0; x < row.size(); ++x) out[x] = row[x] == CellKind::kOccupied ? 1 : 0;
   }
   for (const SurfaceElement& element : surface.elements()) {
     const Eigen::Vector2i cell = plane.cell_at(element.mean);
@@ -42,9 +41,9 @@ MatchGrid::Level MatchGrid::score_plane(const CellPlane& plane, const SurfaceInd
     }
   }
   Level level;
-  level.bias = kKernelRadius;
-  level.width = plane.width() + 2 * kKernelRadius;
-  level.height = plane.height() + 2 * kKernelRadius;
+  level.bias = kScoreReach;
+  level.width = plane.width() + 2 * kScoreReach;
+  level.height = plane.height() + 2 * kScoreReach;
   level.values.assign(static_cast<std::size_t>(level.width) * static_cast<std::size_t>(level.height), 0);
   for (int y = 0; y < plane.height(); ++y) {
     for (int x = 0; x < plane.width(); ++x) {
@@ -90,15 +89,16 @@ MatchGrid::Level MatchGrid::coarser(const Level& fine, int level) {
   const int before = (coarse.bias << halving) - fine.bias;
   const int last = ((coarse.width - 1) << halving) + steps[2];
   std::vector<std::uint8_t> padded(static_cast<std::size_t>(std::max(last + 1, before + fine.width)), 0);
-  std::vector<std::uint8_t> rows(static_cast<std::size_t>(coarse.width) * static_cast<std::size_t>(fine.height));
+  const int width = coarse.width;  // by itself: bytes may be written to any member, for all the compiler knows
+  std::vector<std::uint8_t> rows(static_cast<std::size_t>(width) * static_cast<std::size_t>(fine.height));
   for (int y = 0; y < fine.height; ++y) {
     std::copy_n(&fine.values[static_cast<std::size_t>(y * fine.width)], fine.width, padded.data() + before);
     const std::uint8_t* in = padded.data();
-    std::uint8_t* out = &rows[static_cast<std::size_t>(y * coarse.width)];
+    std::uint8_t* out = &rows[static_cast<std::size_t>(y * width)];
     if (halving == 0) {
-      for (int k = 0; k < coarse.width; ++k) out[k] = std::max(std::max(in[k], in[k + steps[1]]), in[k + steps[2]]);
+      for (int k = 0; k < width; ++k) out[k] = std::max(std::max(in[k], in[k + steps[1]]), in[k + steps[2]]);
     } else {
-      for (int k = 0; k < coarse.width; ++k) {
+      for (int k = 0; k < width; ++k) {
         out[k] = std::max(std::max(in[2 * k], in[2 * k + steps[1]]), in[2 * k + steps[2]]);
       }
     }
@@ -106,14 +106,14 @@ MatchGrid::Level MatchGrid::coarser(const Level& fine, int level) {
   coarse.values.assign(static_cast<std::size_t>(coarse.width) * static_cast<std::size_t>(coarse.height), 0);
   for (int k = 0; k < coarse.height; ++k) {
     const int start = ((k - coarse.bias) << halving) + fine.bias;
-    std::uint8_t* out = &coarse.values[static_cast<std::size_t>(k * coarse.width)];
+    std::uint8_t* out = &coarse.values[static_cast<std::size_t>(k * width)];
     for (const int step : steps) {
       const int y = start + step;
       if (y < 0 || y >= fine.height) {
         continue;
       }
-      const std::uint8_t* in = &rows[static_cast<std::size_t>(y * coarse.width)];
-      for (int x = 0; x < coarse.width; ++x) {
+      const std::uint8_t* in = &rows[static_cast<std::size_t>(y * width)];
+      for (int x = 0; x < width; ++x) {
         out[x] = std::max(out[x], in[x]);
       }
     }
@@ -133,45 +133,50 @@ std::uint8_t MatchGrid::value(int level, int x, int y) const {
   return plane.at((x >> plane.shift) + plane.bias, (y >> plane.shift) + plane.bias);
 }
 
-std::int32_t MatchGrid::sum(int level, std::span<const PointCell> points, int x, int y) const {
+std::int32_t MatchGrid::sum(int level, const PointCells& points, int x, int y) const {
   const Level& plane = levels_[static_cast<std::size_t>(level)];
   const int shift = plane.shift;
   const int bias = plane.bias;
   const std::uint8_t* values = plane.values.data();
-  const auto width = static_cast<unsigned>(plane.width);
-  const auto height = static_cast<unsigned>(plane.height);
+  const int width = plane.width;
   std::int32_t total = 0;
-  for (const PointCell& point : points) {
-    const auto column = static_cast<unsigned>(((point.x + x) >> shift) + bias);
-    const auto row = static_cast<unsigned>(((point.y + y) >> shift) + bias);
-    if (column < width && row < height) {
-      total += values[row * width + column];
-    }
+  for (const PointCell& point : points.inside) {
+    const int column = ((point.x + x) >> shift) + bias;
+    const int row = ((point.y + y) >> shift) + bias;
+    total += values[row * width + column];
+  }
+  for (const PointCell& point : points.border) {
+    total += plane.at(((point.x + x) >> shift) + bias, ((point.y + y) >> shift) + bias);
   }
   return total;
 }
 
-std::array<std::int32_t, 4> MatchGrid::sum4(int level, std::span<const PointCell> points, int x, int y,
-                                            int step) const {
+std::array<std::int32_t, 4> MatchGrid::sum4(int level, const PointCells& points, int x, int y, int step) const {
   const Level& plane = levels_[static_cast<std::size_t>(level)];
   const int shift = plane.shift;
   const int bias = plane.bias;
   const int apart = step >> shift;
   const std::uint8_t* values = plane.values.data();
   const int width = plane.width;
+  std::array<std::int32_t, 4> total{};
+  const auto add = [&](int column, int row) {
+    const std::uint8_t* first = values + row * width + column;
+    const std::uint8_t* second = first + apart * width;
+    total[0] += first[0];
+    total[1] += first[apart];
+    total[2] += second[0];
+    total[3] += second[apart];
+  };
+  for (const PointCell& point : points.inside) {
+    add(((point.x + x) >> shift) + bias, ((point.y + y) >> shift) + bias);
+  }
   const auto inner_width = static_cast<unsigned>(std::max(0, width - apart));
   const auto inner_height = static_cast<unsigned>(std::max(0, plane.height - apart));
-  std::array<std::int32_t, 4> total{};
-  for (const PointCell& point : points) {
+  for (const PointCell& point : points.border) {
     const int column = ((point.x + x) >> shift) + bias;
     const int row = ((point.y + y) >> shift) + bias;
     if (static_cast<unsigned>(column) < inner_width && static_cast<unsigned>(row) < inner_height) {
-      const std::uint8_t* first = values + row * width + column;
-      const std::uint8_t* second = first + apart * width;
-      total[0] += first[0];
-      total[1] += first[apart];
-      total[2] += second[0];
-      total[3] += second[apart];
+      add(column, row);
     } else if (column + apart >= 0 && row + apart >= 0 && column < width && row < plane.height) {
       total[0] += plane.at(column, row);
       total[1] += plane.at(column + apart, row);

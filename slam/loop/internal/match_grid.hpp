@@ -13,11 +13,18 @@
 namespace submapd::internal {
 
 inline constexpr int kMaxPyramidLevel = 6;
+inline constexpr int kScoreReach = 5;  // cells; farther from what is occupied the score rounds to nothing
 
 // Where a search point lies, in plane cells, before the offset of a candidate is added.
 struct PointCell {
   std::int16_t x = 0;
   std::int16_t y = 0;
+};
+
+// Search points by where the offsets to be tried take them.
+struct PointCells {
+  std::span<const PointCell> inside;  // never off the plane: 0 <= point + offset < its extent
+  std::span<const PointCell> border;  // perhaps
 };
 
 // Level 0 holds 255 * exp(-D^2 / (2 sigma^2)), D the distance in cells to the closest occupied cell, sigma 1.5 cells.
@@ -31,12 +38,11 @@ class MatchGrid {
   [[nodiscard]] int levels() const { return static_cast<int>(levels_.size()); }
 
   // Sum over the points of level `level` at (point + (x, y)).
-  [[nodiscard]] std::int32_t sum(int level, std::span<const PointCell> points, int x, int y) const;
+  [[nodiscard]] std::int32_t sum(int level, const PointCells& points, int x, int y) const;
 
   // The four sums at (x, y), (x + step, y), (x, y + step), (x + step, y + step), step a multiple of the level's stride:
-  // the children of a node in one pass, twice as fast as four.
-  [[nodiscard]] std::array<std::int32_t, 4> sum4(int level, std::span<const PointCell> points, int x, int y,
-                                                 int step) const;
+  // the children of a node in one pass, twice as fast as four. All four are offsets of points.inside.
+  [[nodiscard]] std::array<std::int32_t, 4> sum4(int level, const PointCells& points, int x, int y, int step) const;
 
   // Value of one cell of a level at level-0 coordinates.
   [[nodiscard]] std::uint8_t value(int level, int x, int y) const;

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "slam/base/floor_to_int.hpp"
+
 namespace submapd::internal {
 namespace {
 
@@ -12,7 +14,7 @@ constexpr int kMaxNodes = 25'000;  // opened in one search; some 75 ms
 
 std::int16_t clamp_cell(double cell) {
   constexpr double kLimit = 16000.0;  // far outside any plane, and room for the offsets
-  return static_cast<std::int16_t>(std::floor(std::clamp(cell, -kLimit, kLimit)));
+  return static_cast<std::int16_t>(floor_to_int(std::clamp(cell, -kLimit, kLimit)));
 }
 
 }  // namespace
@@ -41,20 +43,12 @@ PlacementSearch::PlacementSearch(const CellPlane& plane, const MatchGrid& grid,
     : grid_(grid),
       window_(window),
       cell_m_(plane.cell_m()),
-      point_count_(points.size()),
       half_x_(static_cast<int>(std::ceil(window.half_x_m / plane.cell_m()))),
       half_y_(static_cast<int>(std::ceil(window.half_y_m / plane.cell_m()))) {
+  turn_points(plane, points);
   const int top = grid_.levels() - 1;
   const int step = 1 << top;
-  cells_.resize(window_.yaws_rad.size() * point_count_);
   for (std::uint32_t angle = 0; angle < window_.yaws_rad.size(); ++angle) {
-    const Pose2 pose{window_.centre.x, window_.centre.y, window_.yaws_rad[angle]};
-    const Eigen::Matrix2d turn = rotation(pose.yaw);
-    const Eigen::Vector2d shift = pose.translation() - plane.origin();
-    for (std::size_t i = 0; i < point_count_; ++i) {
-      const Eigen::Vector2d cell = (turn * points[i] + shift) / cell_m_;
-      cells_[angle * point_count_ + i] = {clamp_cell(cell.x()), clamp_cell(cell.y())};
-    }
     for (int y = -half_y_; y <= half_y_; y += step) {
       for (int x = -half_x_; x <= half_x_; x += step) {
         roots_.push_back({grid_.sum(top, points_at(angle), x, y), angle, x, y});
@@ -62,6 +56,39 @@ PlacementSearch::PlacementSearch(const CellPlane& plane, const MatchGrid& grid,
     }
   }
   std::stable_sort(roots_.begin(), roots_.end(), [](const Node& l, const Node& r) { return l.bound > r.bound; });
+}
+
+void PlacementSearch::turn_points(const CellPlane& plane, const std::vector<Eigen::Vector2d>& points) {
+  cells_.reserve(window_.yaws_rad.size() * points.size());
+  turned_.reserve(window_.yaws_rad.size());
+  // The last roots and their children reach past the window by less than two steps; scores and bounds beyond the plane
+  // by less than two more.
+  const int step = 1 << (grid_.levels() - 1);
+  const int reach_x = half_x_ + 2 * step;
+  const int reach_y = half_y_ + 2 * step;
+  const int blur = 2 * step + kScoreReach;
+  std::vector<PointCell> border;
+  for (const double yaw : window_.yaws_rad) {
+    const Eigen::Matrix2d turn = rotation(yaw) / cell_m_;
+    const Eigen::Vector2d shift = (window_.centre.translation() - plane.origin()) / cell_m_;
+    const std::size_t first = cells_.size();
+    border.clear();
+    for (const Eigen::Vector2d& point : points) {
+      const Eigen::Vector2d place = turn * point + shift;
+      const PointCell cell{clamp_cell(place.x()), clamp_cell(place.y())};
+      const bool inside = cell.x >= reach_x && cell.x < plane.width() - reach_x && cell.y >= reach_y &&
+                          cell.y < plane.height() - reach_y;
+      const bool outside = cell.x < -reach_x - blur || cell.x >= plane.width() + reach_x + blur ||
+                           cell.y < -reach_y - blur || cell.y >= plane.height() + reach_y + blur;
+      if (inside) {
+        cells_.push_back(cell);
+      } else if (!outside) {
+        border.push_back(cell);
+      }
+    }
+    turned_.push_back({first, cells_.size() - first, border.size()});
+    cells_.insert(cells_.end(), border.begin(), border.end());
+  }
 }
 
 Pose2 PlacementSearch::pose_of(const Node& node) const {

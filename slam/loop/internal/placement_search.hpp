@@ -57,8 +57,18 @@ class PlacementSearch {
   };
   struct Best;
 
-  [[nodiscard]] std::span<const PointCell> points_at(std::uint32_t angle) const {
-    return {cells_.data() + angle * point_count_, point_count_};
+  // The points at one angle: of cells_ those from `first`, `inside` and then `border` of them.
+  struct Turned {
+    std::size_t first;
+    std::size_t inside;
+    std::size_t border;
+  };
+
+  void turn_points(const CellPlane& plane, const std::vector<Eigen::Vector2d>& points);
+  [[nodiscard]] PointCells points_at(std::uint32_t angle) const {
+    const Turned& turned = turned_[angle];
+    const PointCell* first = cells_.data() + turned.first;
+    return {{first, turned.inside}, {first + turned.inside, turned.border}};
   }
   [[nodiscard]] Pose2 pose_of(const Node& node) const;
   [[nodiscard]] bool excluded(const Node& node, int level, const ExclusionZone& zone) const;
@@ -67,11 +77,11 @@ class PlacementSearch {
   const MatchGrid& grid_;
   SearchWindow window_;
   double cell_m_;
-  std::size_t point_count_;
   int half_x_;  // cells
   int half_y_;
-  std::vector<PointCell> cells_;  // by angle, then point
-  std::vector<Node> roots_;       // best bound first
+  std::vector<PointCell> cells_;  // by angle, without those that no offset takes to the plane
+  std::vector<Turned> turned_;
+  std::vector<Node> roots_;  // best bound first
 };
 
 }  // namespace submapd::internal

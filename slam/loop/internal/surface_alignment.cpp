@@ -1,7 +1,9 @@
 #include "slam/loop/internal/surface_alignment.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 
 #include "slam/base/small_matrix.hpp"
 
@@ -13,14 +15,18 @@ struct Stage {
   double cauchy_m;     // residual at which a pair weighs half
   int iterations;      // at most
   std::size_t stride;  // every so many elements
+  double stop_m;       // a step below both of these ends the stage
+  double stop_rad;
 };
-constexpr std::array<Stage, 3> kStages{{{0.40, 0.15, 6, 3}, {0.25, 0.06, 4, 2}, {0.15, 0.03, 6, 1}}};
+// The first two only lead into the last one's basin.
+constexpr std::array<Stage, 3> kStages{
+    {{0.40, 0.15, 6, 3, 1e-2, 1e-3}, {0.25, 0.06, 4, 2, 2e-3, 2e-4}, {0.15, 0.03, 6, 1, 5e-4, 5e-5}}};
 constexpr double kMaxAcross_m = 0.10;            // residual of the last stage
 constexpr double kMinCosine = 0.8;               // 37 deg
 constexpr double kPointSigma2_m2 = 0.03 * 0.03;  // a mean that is no line says less about where the surface is
 constexpr std::size_t kMinPairs = 20;
-constexpr double kStopTranslation_m = 2e-4;
-constexpr double kStopYaw_rad = 2e-5;
+constexpr std::size_t kEnough = 450;      // elements of one sub-map; more tell nothing new: errors are of whole walls
+constexpr double kComparisonSlack = 4.0;  // 2 mm, where alignments may differ by 3 cm
 
 // Left multiplication by S = dR/dyaw R^T: turns a vector by 90 deg.
 Eigen::Vector2d turned(const Eigen::Vector2d& v) {
@@ -75,7 +81,9 @@ void add_direction(const SurfaceIndex& points, const SurfaceIndex& target, const
   const Eigen::Matrix2d turn = rotation(target_from_points.yaw);
   const Eigen::Matrix2d to_a = rotation(a_from_target.yaw);
   const auto& elements = points.elements();
-  for (std::size_t i = 0; i < elements.size(); i += stage.stride) {
+  const std::size_t stride = std::max(stage.stride, elements.size() / kEnough);
+  const double stands_for = static_cast<double>(stride);
+  for (std::size_t i = 0; i < elements.size(); i += stride) {
     const SurfaceElement& element = elements[i];
     const Eigen::Vector2d place = turn * element.mean + target_from_points.translation();
     const Eigen::Vector2d element_normal = turn * element.normal;
@@ -84,7 +92,7 @@ void add_direction(const SurfaceIndex& points, const SurfaceIndex& target, const
       continue;
     }
     const SurfaceElement& mate = target.elements()[static_cast<std::size_t>(found)];
-    const double variance = element.variance_m2 + mate.variance_m2;
+    const double variance = (element.variance_m2 + mate.variance_m2) / stands_for;
     const Eigen::Vector2d place_a = to_a * place + a_from_target.translation();
     const Eigen::Vector2d mate_a = to_a * mate.mean + a_from_target.translation();
     const Eigen::Vector2d& moving = points_move ? place_a : mate_a;
@@ -96,8 +104,10 @@ void add_direction(const SurfaceIndex& points, const SurfaceIndex& target, const
       }
       equations.add_line(moving, fixed, to_a * normal, variance, stage.cauchy_m);
     } else {
-      equations.add_line(moving, fixed, Eigen::Vector2d::UnitX(), variance + kPointSigma2_m2, stage.cauchy_m);
-      equations.add_line(moving, fixed, Eigen::Vector2d::UnitY(), variance + kPointSigma2_m2, stage.cauchy_m);
+      equations.add_line(moving, fixed, Eigen::Vector2d::UnitX(), variance + kPointSigma2_m2 / stands_for,
+                         stage.cauchy_m);
+      equations.add_line(moving, fixed, Eigen::Vector2d::UnitY(), variance + kPointSigma2_m2 / stands_for,
+                         stage.cauchy_m);
     }
     equations.add_pair(moving);
   }
@@ -128,28 +138,28 @@ Alignment align_surfaces(const SurfaceIndex& a, const SurfaceIndex& b, const Pos
   Alignment result;
   result.a_from_b = start;
   result.pivot = start.translation();
+  // By itself the last stage serves to compare two alignments, not to tie by.
+  const double slack = stages == AlignStages::kFineOnly ? kComparisonSlack : 1.0;
+  std::optional<NormalEquations> equations;
   for (std::size_t s = stages == AlignStages::kCoarseToFine ? 0 : kStages.size() - 1; s < kStages.size(); ++s) {
     const Stage& stage = kStages[s];
     for (int i = 0; i < stage.iterations; ++i) {
-      const NormalEquations equations = linearise(a, b, result.a_from_b, direction, stage, result.pivot);
-      if (equations.pairs() < kMinPairs) {
+      if (equations) result.pivot = equations->mean();
+      equations = linearise(a, b, result.a_from_b, direction, stage, result.pivot);
+      if (equations->pairs() < kMinPairs) {
         return result;
       }
-      const Eigen::Vector3d step = equations.step();
+      const Eigen::Vector3d step = equations->step();
       result.a_from_b = moved_about(result.a_from_b, result.pivot, step);
-      result.pivot = equations.mean();
-      if (step.head<2>().norm() < kStopTranslation_m && std::abs(step.z()) < kStopYaw_rad) {
+      if (step.head<2>().norm() < slack * stage.stop_m && std::abs(step.z()) < slack * stage.stop_rad) {
         break;
       }
     }
   }
-  const NormalEquations last = linearise(a, b, result.a_from_b, direction, kStages.back(), result.pivot);
-  if (last.pairs() < kMinPairs) {
-    return result;
-  }
-  result.information = last.information();
-  result.rms_radius_m = last.rms_radius();
-  result.pairs = last.pairs();
+  // Those before the last step, which was a small one.
+  result.information = equations->information();
+  result.rms_radius_m = equations->rms_radius();
+  result.pairs = equations->pairs();
   result.a_from_b.yaw = wrap_angle(result.a_from_b.yaw);
   return result;
 }

@@ -5,6 +5,8 @@
 #include <cstddef>
 #include <span>
 
+#include "slam/base/floor_to_int.hpp"
+
 namespace submapd::internal {
 namespace {
 
@@ -54,12 +56,12 @@ bool fits(const SurfaceIndex& target, const Eigen::Vector2d& place, const Eigen:
   return mate.line_like() ? std::abs(mate.normal.dot(offset)) <= kFitAcross_m : offset.norm() <= kFitAcross_m;
 }
 
-Share fitting(const SurfaceIndex& points, const MapView& target, const Pose2& target_from_points) {
+Share fitting(const SurfaceIndex& points, const SubmapView& target, const Pose2& target_from_points) {
   Share share;
   const Eigen::Matrix2d turn = rotation(target_from_points.yaw);
   for (const SurfaceElement& element : points.elements()) {
     const Eigen::Vector2d place = turn * element.mean + target_from_points.translation();
-    if (!any_known_around(target.plane, target.plane.cell_at(place))) {
+    if (!any_known_around(*target.plane, target.plane->cell_at(place))) {
       continue;
     }
     ++share.whole;
@@ -70,11 +72,11 @@ Share fitting(const SurfaceIndex& points, const MapView& target, const Pose2& ta
 
 // Only what stands there to the end counts: people leave surfaces behind where cells are free again, and cells where
 // nobody looked again.
-double contradicted(const MapView& points, const CellPlane& target, const Pose2& target_from_points) {
+double contradicted(const SubmapView& points, const CellPlane& target, const Pose2& target_from_points) {
   Share share;
   const Eigen::Matrix2d turn = rotation(target_from_points.yaw);
   for (const SurfaceElement& element : points.surface.elements()) {
-    if (!element.lasting || !any_occupied_around(points.plane, points.plane.cell_at(element.mean))) continue;
+    if (!element.lasting || !any_occupied_around(*points.plane, points.plane->cell_at(element.mean))) continue;
     const Eigen::Vector2i cell = target.cell_at(turn * element.mean + target_from_points.translation());
     if (target.kind(cell.x(), cell.y()) == CellKind::kUnknown) continue;
     ++share.whole;
@@ -85,38 +87,42 @@ double contradicted(const MapView& points, const CellPlane& target, const Pose2&
 
 }  // namespace
 
-Overlap measure_overlap(const MapView& a, const MapView& b, const Pose2& a_from_b) {
-  const Eigen::Matrix2d turn = rotation(a_from_b.yaw);
+Overlap measure_overlap(const SubmapView& a, const SubmapView& b, const Pose2& a_from_b) {
+  // From cells of b to cells of a.
+  const Eigen::Matrix2d turn = rotation(a_from_b.yaw) * (b.plane->cell_m() / a.plane->cell_m());
+  const Eigen::Vector2d first = transform(a_from_b, b.plane->centre_of(0, 0)) - a.plane->origin();
+  const Eigen::Vector2d shift = first / a.plane->cell_m();
   std::size_t common = 0;
-  for (int y = 0; y < b.plane.height(); y += kOverlapStride) {
-    const std::span<const CellKind> row = b.plane.row(y);
-    for (int x = 0; x < b.plane.width(); x += kOverlapStride) {
+  for (int y = 0; y < b.plane->height(); y += kOverlapStride) {
+    const std::span<const CellKind> row = b.plane->row(y);
+    const Eigen::Vector2d start = shift + y * turn.col(1);
+    for (int x = 0; x < b.plane->width(); x += kOverlapStride) {
       if (row[static_cast<std::size_t>(x)] == CellKind::kUnknown) {
         continue;
       }
-      const Eigen::Vector2i cell = a.plane.cell_at(turn * b.plane.centre_of(x, y) + a_from_b.translation());
-      common += a.plane.kind(cell.x(), cell.y()) != CellKind::kUnknown ? 1 : 0;
+      const Eigen::Vector2d place = start + x * turn.col(0);
+      common += a.plane->kind(floor_to_int(place.x()), floor_to_int(place.y())) != CellKind::kUnknown ? 1 : 0;
     }
   }
-  const double cell_b = b.plane.cell_m() * b.plane.cell_m();
-  const double cell_a = a.plane.cell_m() * a.plane.cell_m();
-  const double smaller = std::min(static_cast<double>(a.plane.known_cells()) * cell_a,
-                                  static_cast<double>(b.plane.known_cells()) * cell_b);
+  const double cell_b = b.plane->cell_m() * b.plane->cell_m();
+  const double cell_a = a.plane->cell_m() * a.plane->cell_m();
+  const double smaller = std::min(static_cast<double>(a.plane->known_cells()) * cell_a,
+                                  static_cast<double>(b.plane->known_cells()) * cell_b);
   Overlap overlap;
   overlap.area_m2 = static_cast<double>(common) * kOverlapStride * kOverlapStride * cell_b;
   overlap.share = smaller > 0.0 ? std::min(1.0, overlap.area_m2 / smaller) : 0.0;
   return overlap;
 }
 
-double fitting_share(const MapView& a, const MapView& b, const Pose2& a_from_b) {
+double fitting_share(const SubmapView& a, const SubmapView& b, const Pose2& a_from_b) {
   const Share on_a = fitting(b.surface, a, a_from_b);
   const Share on_b = fitting(a.surface, b, inverse(a_from_b));
   const std::size_t whole = on_a.whole + on_b.whole;
   return whole == 0 ? 0.0 : static_cast<double>(on_a.part + on_b.part) / static_cast<double>(whole);
 }
 
-double contradiction_share(const MapView& a, const MapView& b, const Pose2& a_from_b) {
-  return std::max(contradicted(b, a.plane, a_from_b), contradicted(a, b.plane, inverse(a_from_b)));
+double contradiction_share(const SubmapView& a, const SubmapView& b, const Pose2& a_from_b) {
+  return std::max(contradicted(b, *a.plane, a_from_b), contradicted(a, *b.plane, inverse(a_from_b)));
 }
 
 }  // namespace submapd::internal

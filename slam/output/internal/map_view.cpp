@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <vector>
 
 #include "slam/submap/finished_submap.hpp"
 
@@ -116,22 +117,33 @@ MapView fit_view(const MapImage& map, std::span<const Pose2> path) {
 
 void paint_map(Canvas& canvas, const MapView& view, const MapImage& map) {
   const std::array<double, 256> ink = ink_table();
+  std::array<Color, 256> color_of;  // of a pixel within one cell, as most are in small maps
+  for (std::size_t cell = 0; cell < color_of.size(); ++cell) {
+    color_of[cell] = mix(cell != 0 ? kFreeColor : kUnknownColor, kWallColor, ink[cell]);
+  }
+  std::vector<Span> columns;
+  for (int column = 0; column < view.width; ++column) {
+    columns.push_back(covered(column, view.px_per_cell, view.left_cell));
+  }
   for (int row = 0; row < view.height; ++row) {
     const Span ys = covered(view.height - 1 - row, view.px_per_cell, view.bottom_cell);
     for (int column = 0; column < view.width; ++column) {
-      const Span xs = covered(column, view.px_per_cell, view.left_cell);
+      const Span xs = columns[static_cast<std::size_t>(column)];
+      const int cells = (ys.last - ys.first + 1) * (xs.last - xs.first + 1);
       int known = 0;
       double darkest = 0.0;
+      std::uint8_t last = 0;
       for (int y = std::max(ys.first, 0); y <= std::min(ys.last, map.height - 1); ++y) {
         for (int x = std::max(xs.first, 0); x <= std::min(xs.last, map.width - 1); ++x) {
-          const std::uint8_t cell = map.at(x, y);
-          known += cell != 0 ? 1 : 0;
-          darkest = std::max(darkest, ink[cell]);
+          last = map.at(x, y);
+          known += last != 0 ? 1 : 0;
+          darkest = std::max(darkest, ink[last]);
         }
       }
-      const int cells = (ys.last - ys.first + 1) * (xs.last - xs.first + 1);
-      const Color floor = mix(kUnknownColor, kFreeColor, static_cast<double>(known) / cells);
-      canvas.set(column, view.top + row, mix(floor, kWallColor, darkest));
+      const auto mixed = [&] {
+        return mix(mix(kUnknownColor, kFreeColor, static_cast<double>(known) / cells), kWallColor, darkest);
+      };
+      canvas.set(column, view.top + row, cells == 1 ? color_of[last] : mixed());
     }
   }
 }

@@ -11,6 +11,8 @@
 namespace submapd::internal {
 namespace {
 
+constexpr int kCompressionLevel = 3;
+
 // What libpng's callbacks see of the file being written.
 struct Sink {
   AtomicFile file;
@@ -42,6 +44,9 @@ bool encode(png_structp png, png_infop info, const Canvas& canvas, png_textp tex
   if (setjmp(png_jmpbuf(png)) != 0) return false;
   png_set_IHDR(png, info, static_cast<png_uint_32>(canvas.width()), static_cast<png_uint_32>(canvas.height()), 8,
                PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+  // Flat colours: unfiltered they come out smaller, and in a third of the time.
+  png_set_filter(png, PNG_FILTER_TYPE_BASE, PNG_FILTER_NONE);
+  png_set_compression_level(png, kCompressionLevel);
   png_set_text(png, info, texts, text_count);
   png_write_info(png, info);
   for (int y = 0; y < canvas.height(); ++y) png_write_row(png, canvas.row(y).data());

@@ -1,6 +1,7 @@
 #include "slam/graph/internal/cost_functions.hpp"
 
 #include <ceres/autodiff_cost_function.h>
+#include <ceres/loss_function.h>
 #include <ceres/manifold_test_utils.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -133,21 +134,40 @@ TEST(CostFunctions, LandmarkAgreesWithAutomaticDerivatives) {
   }
 }
 
-TEST(CostFunctions, CommonPlaceAgreesWithAutomaticDerivatives) {
+// The sum of the places' losses, and the normal equations with every place weighed by the slope of its loss.
+TEST(CostFunctions, CommonPlacesAgreeWithAutomaticDerivativesOfEachByItself) {
   CounterRandom random(7, 4, 0);
   for (int trial = 0; trial < 1000; ++trial) {
-    const Eigen::Vector2d in_a(random.uniform(-20.0, 20.0), random.uniform(-20.0, 20.0));
-    const Eigen::Vector2d in_b(random.uniform(-20.0, 20.0), random.uniform(-20.0, 20.0));
-    const Eigen::Matrix2d white = random_whitening<2>(random);
+    const SharedCauchyLoss loss(2.0);
+    CommonPlacesCost ours(loss);
     const Eigen::Vector3d i = random_pose(random);
     const Eigen::Vector3d j = random_pose(random);
-    const CommonPlaceCost ours(in_a, in_b, white);
-    const ceres::AutoDiffCostFunction<CommonPlaceOracle, 2, 3, 3> oracle(new CommonPlaceOracle{in_a, in_b, white});
-    const Evaluated<2, 3> a(ours, i.data(), j.data());
-    const Evaluated<2, 3> b(oracle, i.data(), j.data());
-    ASSERT_LT((a.residual - b.residual).norm(), 1e-9 * (1.0 + b.residual.norm()));
-    ASSERT_LT((a.J_first - b.J_first).norm(), 1e-9 * (1.0 + b.J_first.norm()));
-    ASSERT_LT((a.J_second - b.J_second).norm(), 1e-9 * (1.0 + b.J_second.norm()));
+    Eigen::Matrix<double, 6, 6> H = Eigen::Matrix<double, 6, 6>::Zero();
+    Eigen::Matrix<double, 6, 1> g = Eigen::Matrix<double, 6, 1>::Zero();
+    double sum = 0.0;
+    for (int place = 0; place <= trial % 7; ++place) {
+      const Eigen::Vector2d in_b(random.uniform(-20.0, 20.0), random.uniform(-20.0, 20.0));
+      const std::array<double, 2> in_map{j(0) + std::cos(j(2)) * in_b.x() - std::sin(j(2)) * in_b.y(),
+                                         j(1) + std::sin(j(2)) * in_b.x() + std::cos(j(2)) * in_b.y()};
+      const Eigen::Vector2d off(random.uniform(-0.2, 0.2), random.uniform(-0.2, 0.2));
+      const Eigen::Vector2d in_a = seen_from(i.data(), in_map.data()) + off;
+      const Eigen::Matrix2d white = random_whitening<2>(random);
+      ours.add(in_a, in_b, white);
+      const ceres::AutoDiffCostFunction<CommonPlaceOracle, 2, 3, 3> oracle(new CommonPlaceOracle{in_a, in_b, white});
+      const Evaluated<2, 3> one(oracle, i.data(), j.data());
+      Eigen::Matrix<double, 2, 6> J;
+      J << one.J_first, one.J_second;
+      const double weight = loss.slope(one.residual.squaredNorm());
+      H += weight * J.transpose() * J;
+      g += weight * J.transpose() * one.residual;
+      sum += loss.value(one.residual.squaredNorm());
+    }
+    const Evaluated<4, 3> a(ours, i.data(), j.data());
+    Eigen::Matrix<double, 4, 6> J;
+    J << a.J_first, a.J_second;
+    ASSERT_NEAR(a.residual.squaredNorm(), sum, 1e-9 * sum);
+    ASSERT_LT((J.transpose() * J - H).norm(), 1e-9 * H.norm());
+    ASSERT_LT((J.transpose() * a.residual - g).norm(), 1e-9 * g.norm());
   }
 }
 
@@ -167,14 +187,10 @@ TEST(SharedCauchyLoss, IsTheLeastThatTwoLossesComeTo) {
   for (double s = 1e-3; s < 1e4; s *= 1.13) {
     double least = std::numeric_limits<double>::infinity();
     for (double t = 0.0; t <= 1.0; t += 1e-3) least = std::min(least, both(s, t));
-    std::array<double, 3> ours{};
-    shared.Evaluate(s, ours.data());
-    ASSERT_NEAR(ours[0], least, 1e-4 * least) << s;
-    ASSERT_NEAR(ours[0], both(s, shared.lean(s)), 1e-9 * least) << s;
-    std::array<double, 3> near{};
-    shared.Evaluate(s * (1.0 + 1e-6), near.data());
-    ASSERT_NEAR((near[0] - ours[0]) / (1e-6 * s), ours[1], 1e-4 * ours[1]) << s;
-    ASSERT_NEAR((near[1] - ours[1]) / (1e-6 * s), ours[2], 1e-4 * std::abs(ours[2]) + 1e-9) << s;
+    ASSERT_NEAR(shared.value(s), least, 1e-4 * least) << s;
+    ASSERT_NEAR(shared.value(s), both(s, shared.lean(s)), 1e-9 * least) << s;
+    const double rise = shared.value(s * (1.0 + 1e-6)) - shared.value(s);
+    ASSERT_NEAR(rise / (1e-6 * s), shared.slope(s), 1e-4 * shared.slope(s)) << s;
   }
 }
 

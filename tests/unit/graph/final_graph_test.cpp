@@ -66,6 +66,35 @@ TEST(FinalGraph, AnExactGraphStaysWhereItIs) {
   EXPECT_LT(summary->final_cost, 1e-9);
 }
 
+// Key-frames that see no landmark are not solved for; they come out where the whole problem has them.
+TEST(FinalGraph, KeyframesThatOnlyPassTheChainOnComeOutAsIfSolvedFor) {
+  for (std::uint64_t seed = 1; seed <= 4; ++seed) {
+    SimulatedRunOptions options;
+    options.seed = seed;
+    const SimulatedRun run(ring_path(160.0, 0.7), options);
+    TrackGraph graph = build_track_graph(model_of(run));
+    LeastSquaresGraph whole;
+    for (const OptimizedKeyframe& keyframe : graph.track) whole.poses.push_back(keyframe.map_from_base);
+    whole.points = graph.landmarks;
+    for (const ChainRow& row : graph.chain) {
+      whole.pose_rows.push_back({row.from, row.to, row.measurement, whitening_or_soft(row.covariance)});
+    }
+    std::vector<bool> needed(graph.track.size(), false);
+    for (const auto& row : graph.sights) {
+      whole.point_rows.push_back({row.track_point, row.landmark, row.z, *whitening(row.covariance)});
+      needed[row.track_point] = true;
+    }
+    const std::size_t rows = TrackChains(graph.chain, needed).rows().size();
+    EXPECT_LT(3 * rows, 2 * graph.chain.size());
+    std::vector<OptimizedKeyframe> expected = graph.track;
+    ASSERT_TRUE(solve(whole, {50, 2.385}));
+    for (std::size_t k = 0; k < expected.size(); ++k) expected[k].map_from_base = whole.poses[k];
+    EXPECT_GT(largest_move(graph.track, expected), 1e-3);
+    ASSERT_TRUE(solve_track_graph(graph));
+    EXPECT_LT(largest_move(graph.track, expected), 2e-4);
+  }
+}
+
 // Landmarks wrong by 1 cm must not bend what the scan matcher held together: what is looked at is the shape of each
 // sub-map, its far end seen from its first key-frame.
 TEST(FinalGraph, LandmarksOffByACentimetreDoNotBendSubmaps) {

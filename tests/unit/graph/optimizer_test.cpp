@@ -269,8 +269,7 @@ TEST(Optimizer, WhatIsCancelledEndsBeforeItSolves) {
   SimulatedRun run(ring_path(60.0, 2.0), {});
   Optimizer* worked_on = nullptr;
   PairTools tools = run.tools();
-  tools.refine = [&worked_on, refine = tools.refine](const FinishedSubmap& a, const FinishedSubmap& b,
-                                                     const Pose2& start) {
+  tools.refine = [&worked_on, refine = tools.refine](const SubmapView& a, const SubmapView& b, const Pose2& start) {
     worked_on->cancel();  // another thread, while it works
     return refine(a, b, start);
   };

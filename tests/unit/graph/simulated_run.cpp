@@ -130,9 +130,13 @@ PairTools SimulatedRun::tools() const {
   PairTools tools;
   tools.make_outline = outline_of;
   tools.overlap_m2 = outline_overlap_m2;
-  tools.search = [this](const auto& a, const auto& b, const MatchPrior& prior) { return search(a, b, prior); };
-  tools.refine = [this](const auto& a, const auto& b, const Pose2&) { return refine(a, b); };
-  tools.choose_landmarks = [this](const auto& a, const auto& b, const auto& match) { return landmarks(a, b, match); };
+  tools.search = [this](const SubmapView& a, const SubmapView& b, const MatchPrior& prior) {
+    return search(a.submap, b.submap, prior);
+  };
+  tools.refine = [this](const SubmapView& a, const SubmapView& b, const Pose2&) { return refine(a.submap, b.submap); };
+  tools.choose_landmarks = [this](const SubmapView& a, const SubmapView& b, const SubmapMatch& match) {
+    return landmarks(a.submap, b.submap, match);
+  };
   return tools;
 }
 
