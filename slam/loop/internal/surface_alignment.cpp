@@ -25,7 +25,7 @@ constexpr double kMaxAcross_m = 0.10;            // residual of the last stage
 constexpr double kMinCosine = 0.8;               // 37 deg
 constexpr double kPointSigma2_m2 = 0.03 * 0.03;  // a mean that is no line says less about where the surface is
 constexpr std::size_t kMinPairs = 20;
-constexpr std::size_t kEnough = 450;      // elements of one sub-map; more tell nothing new: errors are of whole walls
+constexpr std::size_t kEnough = 700;      // elements of one sub-map; more tell nothing new: errors are of whole walls
 constexpr double kComparisonSlack = 4.0;  // 2 mm, where alignments may differ by 3 cm
 
 // Left multiplication by S = dR/dyaw R^T: turns a vector by 90 deg.
