@@ -47,14 +47,31 @@ void ScanPoints::update_table(const ScanGeometry& geometry, std::size_t beams) {
 }
 
 void ScanPoints::assign(const Scan& scan, const Twist2& twist) {
-  const ScanGeometry& g = scan.geometry;
   const std::size_t n = std::min(scan.ranges_mm.size(), max_beams_);
-  update_table(g, n);
-  angle_step_rad_ = std::abs(g.angle_step_rad);
-  all_.clear();
-  beams_.clear();
-  usable_.assign(n, 0);
+  update_table(scan.geometry, n);
+  angle_step_rad_ = std::abs(scan.geometry.angle_step_rad);
+  filter(scan, n);
+  beams_.assign(n, BeamEnd{});
+  unwarp(scan, twist);
+  normals_.fill(all_);
+  auto point = all_.begin();
+  for (BeamEnd& end : beams_) {
+    if (!end.hit || end.range_m <= 0.0F) continue;
+    end.normal_x = point->normal_x;
+    end.normal_y = point->normal_y;
+    ++point;
+  }
+  thin();
+}
 
+void ScanPoints::unwarp_again(const Scan& scan, const Twist2& twist) {
+  unwarp(scan, twist);
+  thin();
+}
+
+void ScanPoints::filter(const Scan& scan, std::size_t n) {
+  const ScanGeometry& g = scan.geometry;
+  usable_.assign(n, 0);
   const double min_mm = g.range_min_m * 1e3;
   const double max_mm = std::min(g.range_max_m * 1e3, 65535.0);
   for (std::size_t i = 0; i < n; ++i) {
@@ -75,6 +92,12 @@ void ScanPoints::assign(const Scan& scan, const Twist2& twist) {
     }
   }
 
+}
+
+void ScanPoints::unwarp(const Scan& scan, const Twist2& twist) {
+  const ScanGeometry& g = scan.geometry;
+  const std::size_t n = beams_.size();
+  all_.clear();
   const double sweep = g.sweep_s;
   const auto sensor_x = static_cast<float>(g.base_from_sensor.x);
   const auto sensor_y = static_cast<float>(g.base_from_sensor.y);
@@ -86,12 +109,9 @@ void ScanPoints::assign(const Scan& scan, const Twist2& twist) {
   double square_sum = 0.0;
   ranges_scratch_.clear();
   for (std::size_t i = 0; i < n; ++i) {
-    BeamEnd end;
+    BeamEnd& end = beams_[i];
     const bool code_free = options_.error_code_is_free && scan.ranges_mm[i] == kErrorCode_mm;
-    if (usable_[i] == 0 && !code_free) {
-      beams_.push_back(end);
-      continue;
-    }
+    if (usable_[i] == 0 && !code_free) continue;
     const float range = code_free ? static_cast<float>(g.range_max_m) : static_cast<float>(scan.ranges_mm[i]) * 1e-3F;
     const float bx = sensor_x + range * directions_[i].x();
     const float by = sensor_y + range * directions_[i].y();
@@ -107,7 +127,6 @@ void ScanPoints::assign(const Scan& scan, const Twist2& twist) {
     end.y = phi * bx + c * by + shift_y;
     end.range_m = range;
     end.hit = usable_[i] == 1;
-    beams_.push_back(end);
     if (!end.hit) continue;
     ScanPoint point;
     point.x = end.x;
@@ -115,6 +134,8 @@ void ScanPoints::assign(const Scan& scan, const Twist2& twist) {
     point.range_m = range;
     point.view_x = -(c * directions_[i].x() - phi * directions_[i].y());
     point.view_y = -(phi * directions_[i].x() + c * directions_[i].y());
+    point.normal_x = end.normal_x;
+    point.normal_y = end.normal_y;
     all_.push_back(point);
     square_sum += static_cast<double>(range) * static_cast<double>(range);
     ranges_scratch_.push_back(range);
@@ -133,15 +154,6 @@ void ScanPoints::assign(const Scan& scan, const Twist2& twist) {
     all_[i].weight = std::sqrt(std::clamp(spacing / kVoxel_m, 0.02F, 1.0F));
   }
   mark_alone();
-  normals_.fill(all_);
-  auto point = all_.begin();
-  for (BeamEnd& end : beams_) {
-    if (!end.hit || end.range_m <= 0.0F) continue;
-    end.normal_x = point->normal_x;
-    end.normal_y = point->normal_y;
-    ++point;
-  }
-  thin();
 }
 
 void ScanPoints::mark_alone() {

@@ -30,6 +30,9 @@ class ScanPoints {
 
   // Fills everything from a scan moving with body twist `twist`. Beams beyond max_beams are ignored.
   void assign(const Scan& scan, const Twist2& twist);
+  // The same scan under another twist. Normals stay: a sweep turns by less than they are known.
+  // REQUIRES: assign(scan, ...) came last.
+  void unwarp_again(const Scan& scan, const Twist2& twist);
 
   [[nodiscard]] const std::vector<ScanPoint>& all() const { return all_; }
   [[nodiscard]] const std::vector<ScanPoint>& thinned() const { return thinned_; }
@@ -45,6 +48,9 @@ class ScanPoints {
 
  private:
   void update_table(const ScanGeometry& geometry, std::size_t beams);
+  // Marks the first n beams that are a measurement, and those that are free but no hit.
+  void filter(const Scan& scan, std::size_t n);
+  void unwarp(const Scan& scan, const Twist2& twist);
   void mark_alone();
   void thin();
 

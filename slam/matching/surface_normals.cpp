@@ -82,9 +82,9 @@ void SurfaceNormals::find_runs(std::span<const ScanPoint> points) {
 
 void SurfaceNormals::fill(std::span<ScanPoint> points) {
   find_runs(points);
+  for (ScanPoint& p : points) p.normal_x = p.normal_y = 0.0F;
   for (std::size_t i = 0; i < points.size(); ++i) {
     ScanPoint& p = points[i];
-    p.normal_x = p.normal_y = 0.0F;
     const std::size_t begin = begin_[i];
     const std::size_t end = end_[i];
     if (end - begin + 1 < kFewest) continue;

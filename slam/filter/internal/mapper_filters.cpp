@@ -233,7 +233,7 @@ void Mapper::Impl::learn_motion(const Scan& scan, const Pose2& before, double st
     const bool off = std::hypot(p.twist.vx - last.vx, p.twist.vy - last.vy) > kReunwarp_m_s ||
                      std::abs(p.twist.wz - last.wz) > kReunwarp_rad_s;
     if (off && fits && options.unwarp && scan.geometry.sweep_s > 0.0) {
-      registration.assign(scan, p.twist);
+      registration.unwarp_again(scan, p.twist);
       p.match = registration.match(view_of(p), p.pose, p.prior);
       apply_match(p, step_s, scan.index, 0);
       learn_twist_of(p, twist_before, before, step_s);

@@ -22,6 +22,7 @@ class ScanRegistration {
   explicit ScanRegistration(const MapperOptions& options);
 
   void assign(const Scan& scan, const Twist2& twist) { points_.assign(scan, twist); }
+  void unwarp_again(const Scan& scan, const Twist2& twist) { points_.unwarp_again(scan, twist); }
   [[nodiscard]] const ScanPoints& points() const { return points_; }
   // What scans are aligned to from here on.
   void set_lines(LinesOf lines) { matcher_.lines.lines = lines; }
