@@ -4,8 +4,6 @@
 #include <cmath>
 #include <limits>
 
-#include "slam/base/floor_to_int.hpp"
-
 namespace submapd {
 namespace {
 
@@ -55,10 +53,6 @@ SurfaceLook look_of(const SurfaceFace& face) {
     look.normal_y = face.normal_y / norm;
   }
   return look;
-}
-
-int surface_index(float position_m) {
-  return floor_to_int(position_m * static_cast<float>(1.0 / kSurfaceCell_m)) + kSurfaceBias;
 }
 
 // Which eighth of the circle a direction lies in, counted from +x.
@@ -160,10 +154,6 @@ bool straight(const PooledLine& pooled, const PooledLine& own) {
   // A cell on whose border the wall lies holds half of its hits, and those lie closer together than hits do.
   const float of_own = std::max(own.sigma_m * own.sigma_m, kOfHits_m2);
   return pooled.sigma_m * pooled.sigma_m <= kWider * of_own + kWider_m2;
-}
-
-bool in_surface(int ix, int iy) {
-  return ix >= 1 && iy >= 1 && ix < kSurfaceSide - 1 && iy < kSurfaceSide - 1;
 }
 
 std::size_t block_index(int ix, int iy) {

@@ -16,6 +16,7 @@
 #include <span>
 #include <vector>
 
+#include "slam/base/floor_to_int.hpp"
 #include "slam/grid/grid_geometry.hpp"
 
 namespace submapd {
@@ -86,6 +87,15 @@ struct SurfaceHit {
   bool in_free = false;  // where the map has been seen free: of something that moves
 };
 
+// Index of the surface cell at a coordinate [m] of the sub-map's frame.
+[[nodiscard]] inline int surface_index(float position_m) {
+  return floor_to_int(position_m * static_cast<float>(1.0 / kSurfaceCell_m)) + kSurfaceBias;
+}
+// Cells of the rim have no neighbours and hold nothing.
+[[nodiscard]] inline bool in_surface(int ix, int iy) {
+  return ix >= 1 && iy >= 1 && ix < kSurfaceSide - 1 && iy < kSurfaceSide - 1;
+}
+
 class SurfaceMap {
  public:
   SurfaceMap(int max_faces, int max_blocks);
@@ -100,6 +110,12 @@ class SurfaceMap {
   [[nodiscard]] const PooledLine* find(float x_m, float y_m, const SurfaceLook& look) const {
     const SurfaceFace* face = face_at(x_m, y_m, look);
     return face != nullptr && face->line().kind != SurfaceKind::kNone ? &face->line() : nullptr;
+  }
+  // What find() goes by besides the look; -1 outside.
+  [[nodiscard]] static int cell_of(float x_m, float y_m) {
+    const int ix = surface_index(x_m);
+    const int iy = surface_index(y_m);
+    return in_surface(ix, iy) ? iy * kSurfaceSide + ix : -1;
   }
   // The same of the 3 x 3 cells, whatever they hold.
   [[nodiscard]] const PooledLine* find_pooled(float x_m, float y_m, const SurfaceLook& look) const {

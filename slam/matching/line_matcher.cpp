@@ -1,6 +1,7 @@
 #include "slam/matching/line_matcher.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace submapd {
@@ -8,10 +9,33 @@ namespace {
 
 constexpr float kPerFar_m = 0.1F;  // beyond 10 m ranges err more, by data sheets
 
-}  // namespace
+// The lines found last, by point: from pass to pass a point moves by millimetres and hardly ever into another cell.
+class FoundLines {
+ public:
+  template <typename Find>
+  const PooledLine* at(std::size_t point, int cell, const Find& find) {
+    if (point >= known_.size()) return find();
+    if (point >= used_) {
+      for (; used_ <= point; ++used_) known_[used_].cell = kNoCell;
+    }
+    Known& known = known_[point];
+    if (known.cell != cell) known = {find(), cell};
+    return known.line;
+  }
 
-LineSystem line_system(std::span<const ScanPoint> points, const SurfaceMap& surface, double angle_step_rad,
-                       const Pose2& pose, const WeakMotion& weak_motion, const LineMatcherOptions& options) {
+ private:
+  static constexpr int kNoCell = -2;
+  struct Known {
+    const PooledLine* line;
+    int cell;
+  };
+  std::array<Known, 1100> known_;  // on the stack; scans of more beams ask again for the rest
+  std::size_t used_ = 0;
+};
+
+LineSystem system_at(std::span<const ScanPoint> points, const SurfaceMap& surface, double angle_step_rad,
+                     const Pose2& pose, const WeakMotion& weak_motion, const LineMatcherOptions& options,
+                     FoundLines& found) {
   LineSystem out;
   const int standing = std::min(options.standing_scans, surface.scans());
   const bool weak = weak_motion.any();
@@ -30,7 +54,8 @@ LineSystem line_system(std::span<const ScanPoint> points, const SurfaceMap& surf
   const auto min_gate = static_cast<float>(options.min_gate_m);
   const auto tangential_gate = static_cast<float>(options.tangential_gate_m);
   const auto inverse_c2 = static_cast<float>(1.0 / (options.cauchy_sigmas * options.cauchy_sigmas));
-  for (const ScanPoint& p : points) {
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const ScanPoint& p = points[i];
     const float rx = c * p.x - s * p.y;
     const float ry = s * p.x + c * p.y;
     const float x = tx + rx;
@@ -38,8 +63,9 @@ LineSystem line_system(std::span<const ScanPoint> points, const SurfaceMap& surf
     const float vx = c * p.view_x - s * p.view_y;
     const float vy = s * p.view_x + c * p.view_y;
     const SurfaceLook look{vx, vy, c * p.normal_x - s * p.normal_y, s * p.normal_x + c * p.normal_y};
-    const PooledLine* line =
-        options.lines == LinesOf::kCell ? surface.find(x, y, look) : surface.find_pooled(x, y, look);
+    const PooledLine* line = found.at(i, SurfaceMap::cell_of(x, y), [&] {
+      return options.lines == LinesOf::kCell ? surface.find(x, y, look) : surface.find_pooled(x, y, look);
+    });
     if (line == nullptr) continue;
     const float dx = x - line->mean_x;
     const float dy = y - line->mean_y;
@@ -96,13 +122,22 @@ LineSystem line_system(std::span<const ScanPoint> points, const SurfaceMap& surf
   return out;
 }
 
+}  // namespace
+
+LineSystem line_system(std::span<const ScanPoint> points, const SurfaceMap& surface, double angle_step_rad,
+                       const Pose2& pose, const WeakMotion& weak_motion, const LineMatcherOptions& options) {
+  FoundLines found;
+  return system_at(points, surface, angle_step_rad, pose, weak_motion, options, found);
+}
+
 LineMatchResult match_lines(std::span<const ScanPoint> points, const SurfaceMap& surface, double angle_step_rad,
                             const Pose2& start, const MotionPrior& prior, const LineMatcherOptions& options) {
   LineMatchResult result;
   result.match.pose = start;
   if (points.empty()) return result;
+  FoundLines found;
   for (int pass = 0;; ++pass) {
-    const LineSystem system = line_system(points, surface, angle_step_rad, result.match.pose, prior.weak, options);
+    const LineSystem system = system_at(points, surface, angle_step_rad, result.match.pose, prior.weak, options, found);
     result.match.information = system.equations.H;
     result.associated = system.associated;
     result.match.health.iterations = pass;

@@ -46,13 +46,19 @@ void ScanPoints::update_table(const ScanGeometry& geometry, std::size_t beams) {
   }
 }
 
-void ScanPoints::assign(const Scan& scan, const Twist2& twist) {
+void ScanPoints::assign_beams(const Scan& scan, const Twist2& twist) {
   const std::size_t n = std::min(scan.ranges_mm.size(), max_beams_);
   update_table(scan.geometry, n);
   angle_step_rad_ = std::abs(scan.geometry.angle_step_rad);
   filter(scan, n);
   beams_.assign(n, BeamEnd{});
   unwarp(scan, twist);
+}
+
+void ScanPoints::assign(const Scan& scan, const Twist2& twist) {
+  assign_beams(scan, twist);
+  weigh();
+  mark_alone();
   normals_.fill(all_);
   auto point = all_.begin();
   for (BeamEnd& end : beams_) {
@@ -66,6 +72,8 @@ void ScanPoints::assign(const Scan& scan, const Twist2& twist) {
 
 void ScanPoints::unwarp_again(const Scan& scan, const Twist2& twist) {
   unwarp(scan, twist);
+  weigh();
+  mark_alone();
   thin();
 }
 
@@ -91,7 +99,6 @@ void ScanPoints::filter(const Scan& scan, std::size_t n) {
       usable_[i] = 2;  // free up to there, but no hit
     }
   }
-
 }
 
 void ScanPoints::unwarp(const Scan& scan, const Twist2& twist) {
@@ -106,8 +113,6 @@ void ScanPoints::unwarp(const Scan& scan, const Twist2& twist) {
   const Eigen::Vector2d origin = transform(middle, g.base_from_sensor.translation());
   origin_ = origin.cast<float>();
 
-  double square_sum = 0.0;
-  ranges_scratch_.clear();
   for (std::size_t i = 0; i < n; ++i) {
     BeamEnd& end = beams_[i];
     const bool code_free = options_.error_code_is_free && scan.ranges_mm[i] == kErrorCode_mm;
@@ -137,8 +142,15 @@ void ScanPoints::unwarp(const Scan& scan, const Twist2& twist) {
     point.normal_x = end.normal_x;
     point.normal_y = end.normal_y;
     all_.push_back(point);
-    square_sum += static_cast<double>(range) * static_cast<double>(range);
-    ranges_scratch_.push_back(range);
+  }
+}
+
+void ScanPoints::weigh() {
+  double square_sum = 0.0;
+  ranges_scratch_.clear();
+  for (const ScanPoint& p : all_) {
+    square_sum += static_cast<double>(p.range_m) * static_cast<double>(p.range_m);
+    ranges_scratch_.push_back(p.range_m);
   }
   rms_range_m_ = all_.empty() ? 0.0 : std::sqrt(square_sum / static_cast<double>(all_.size()));
   far_range_m_ = 0.0;
@@ -153,7 +165,6 @@ void ScanPoints::unwarp(const Scan& scan, const Twist2& twist) {
     const float spacing = apart_m(next, all_[i]);
     all_[i].weight = std::sqrt(std::clamp(spacing / kVoxel_m, 0.02F, 1.0F));
   }
-  mark_alone();
 }
 
 void ScanPoints::mark_alone() {

@@ -30,6 +30,8 @@ class ScanPoints {
 
   // Fills everything from a scan moving with body twist `twist`. Beams beyond max_beams are ignored.
   void assign(const Scan& scan, const Twist2& twist);
+  // The same, but beams() and origin() alone, and those without normals.
+  void assign_beams(const Scan& scan, const Twist2& twist);
   // The same scan under another twist. Normals stay: a sweep turns by less than they are known.
   // REQUIRES: assign(scan, ...) came last.
   void unwarp_again(const Scan& scan, const Twist2& twist);
@@ -51,6 +53,8 @@ class ScanPoints {
   // Marks the first n beams that are a measurement, and those that are free but no hit.
   void filter(const Scan& scan, std::size_t n);
   void unwarp(const Scan& scan, const Twist2& twist);
+  // Weights, and the ranges over all points.
+  void weigh();
   void mark_alone();
   void thin();
 

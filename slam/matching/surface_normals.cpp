@@ -1,7 +1,6 @@
 #include "slam/matching/surface_normals.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 
@@ -15,6 +14,7 @@ constexpr std::size_t kMostGaps = 20;
 constexpr std::size_t kFewest = 3;            // points
 constexpr std::size_t kStride = 3;            // noise makes next points look farther apart than they are
 constexpr float kDirectionSigma_rad = 0.25F;  // known less well is unknown
+constexpr float kStraight_m2 = 2.5e-5F;       // (5 mm)^2: no corner
 constexpr float kGrazing = 0.03F;             // cosine to the ray: less, and which side is the sensor's is noise
 constexpr float kNone = std::numeric_limits<float>::max();
 
@@ -97,13 +97,14 @@ void SurfaceNormals::fill(std::span<ScanPoint> points) {
     const auto gaps =
         static_cast<std::size_t>(std::min(window_m / std::max(gap_m, 1e-3F), static_cast<float>(kMostGaps)));
     const std::size_t half = (gaps + 1) / 2;
-    const std::array<Scatter, 3> windows{scatter_of(i - std::min(i - begin, half), i + std::min(end - i, half)),
-                                         scatter_of(i - std::min(i - begin, gaps), i),
-                                         scatter_of(i, i + std::min(end - i, gaps))};
-    std::size_t best = windows[1].off_m2 < windows[0].off_m2 ? 1 : 0;
-    best = windows[2].off_m2 < windows[best].off_m2 ? 2 : best;
-    const Scatter& s = windows[best];
-    if (s.off_m2 == kNone) continue;
+    Scatter s = scatter_of(i - std::min(i - begin, half), i + std::min(end - i, half));
+    if (s.off_m2 > kStraight_m2) {
+      const Scatter before = scatter_of(i - std::min(i - begin, gaps), i);
+      const Scatter behind = scatter_of(i, i + std::min(end - i, gaps));
+      if (before.off_m2 < s.off_m2) s = before;
+      if (behind.off_m2 < s.off_m2) s = behind;
+      if (s.off_m2 == kNone) continue;
+    }
     // The eigenvector, from the row of the matrix that is longer.
     const bool flat = s.xx > s.yy;
     const float nx = flat ? -s.xy : s.yy - s.small;

@@ -52,7 +52,7 @@ MapBuilder::MapBuilder(double cell_m, std::size_t bytes_limit, const OccupancyOp
 
 // Beams in the map's axes about a cell corner near the sensor: float coordinates stay small anywhere on a site.
 void MapBuilder::place(const Keyframe& keyframe, const Pose2& map_from_base) {
-  points_.assign(scan_of(keyframe), keyframe.twist);
+  points_.assign_beams(scan_of(keyframe), keyframe.twist);
   corner_ = {std::floor(map_from_base.x / cell_m_) * cell_m_, std::floor(map_from_base.y / cell_m_) * cell_m_};
   const Pose2 about_corner{map_from_base.x - corner_.x(), map_from_base.y - corner_.y(), map_from_base.yaw};
   origin_ = place_beams(about_corner, points_.beams(), points_.origin(), placed_);
