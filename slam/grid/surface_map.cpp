@@ -30,6 +30,11 @@ bool same_side(const SurfaceFace& face, float view_x, float view_y) {
   return dot * dot < kSameSide * kSameSide * square;
 }
 
+// Nothing here is so long or so short that std::hypot's care pays for its time.
+float norm_of(float x, float y) {
+  return std::sqrt(x * x + y * y);
+}
+
 // Whether what is seen so is the face: by their normals where both are known, else by the side.
 bool same_face(const SurfaceFace& face, const SurfaceLook& look) {
   const float dot = face.normal_x * look.normal_x + face.normal_y * look.normal_y;
@@ -44,11 +49,11 @@ bool same_face(const SurfaceFace& face, const SurfaceLook& look) {
 // Unit views and normals of a face.
 SurfaceLook look_of(const SurfaceFace& face) {
   SurfaceLook look;
-  if (const float norm = std::hypot(face.view_x, face.view_y); norm > 0.0F) {
+  if (const float norm = norm_of(face.view_x, face.view_y); norm > 0.0F) {
     look.view_x = face.view_x / norm;
     look.view_y = face.view_y / norm;
   }
-  if (const float norm = std::hypot(face.normal_x, face.normal_y); norm > 0.0F) {
+  if (const float norm = norm_of(face.normal_x, face.normal_y); norm > 0.0F) {
     look.normal_x = face.normal_x / norm;
     look.normal_y = face.normal_y / norm;
   }
@@ -115,21 +120,21 @@ PooledLine line_of(const Moments& m, const SurfaceFace& face) {
   line.mean_y = surface_centre(static_cast<int>(face.cell / kSurfaceSide)) + my;
   // Eigenvalues of the 2 x 2 scatter, closed form.
   const float mean = 0.5F * (cxx + cyy);
-  const float root = std::hypot(0.5F * (cxx - cyy), cxy);
+  const float root = norm_of(0.5F * (cxx - cyy), cxy);
   const float large = mean + root;
   const float small = std::max(mean - root, 0.0F);
   line.half_length_m = std::sqrt(large);
-  const float normals = std::hypot(m.normal_x, m.normal_y);
+  const float normals = norm_of(m.normal_x, m.normal_y);
   const bool told = normals >= kNormalsForLine;
   bool by_scatter = m.n >= kMinHitsForLine && large >= kMinLineSpread_m2 && small <= kLineRatio * large;
   if (by_scatter) {
-    const float angle = 0.5F * std::atan2(2.0F * cxy, cxx - cyy);  // of the direction along the line
-    line.normal_x = -std::sin(angle);
-    line.normal_y = std::cos(angle);
-    if (line.normal_x * face.view_x + line.normal_y * face.view_y < 0.0F) {
-      line.normal_x = -line.normal_x;
-      line.normal_y = -line.normal_y;
-    }
+    // The eigenvector, from the row of the matrix that is longer.
+    const bool flat = cxx > cyy;
+    const float nx = flat ? -cxy : cyy - (mean - root);
+    const float ny = flat ? cxx - (mean - root) : -cxy;
+    const float scale = std::copysign(1.0F / norm_of(nx, ny), nx * face.view_x + ny * face.view_y);
+    line.normal_x = scale * nx;
+    line.normal_y = scale * ny;
     line.sigma_m = spread_m(small, m.n);
     by_scatter = !told || std::abs(line.normal_x * m.normal_x + line.normal_y * m.normal_y) >= kAgree * normals;
   }
