@@ -9,6 +9,8 @@
 namespace submapd::graph {
 namespace {
 
+constexpr double kVague_rad2 = 0.05 * 0.05;  // first order holds up to there
+constexpr double kVague_m2 = 1.0;
 constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 
 UncertainPose step_of(const ChainRow& row) {
@@ -26,8 +28,9 @@ TrackChains::TrackChains(const std::vector<ChainRow>& rows, std::vector<bool> ne
     const ChainRow& row = rows[k];
     if (onward[row.from] != kNone) kept_[row.from] = true;
     if (reached[row.to]) kept_[row.to] = true;
-    // What cannot be compounded stays a row by itself.
-    if (row.from >= row.to || !whitening(row.covariance)) kept_[row.from] = kept_[row.to] = true;
+    // What cannot be compounded stays a row by itself: across a break of the track the far end swings by radians.
+    const bool vague = row.covariance(2, 2) > kVague_rad2 || row.covariance.topLeftCorner<2, 2>().trace() > kVague_m2;
+    if (row.from >= row.to || vague || !whitening(row.covariance)) kept_[row.from] = kept_[row.to] = true;
     onward[row.from] = k;
     reached[row.to] = true;
   }

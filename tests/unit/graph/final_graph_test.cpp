@@ -95,6 +95,21 @@ TEST(FinalGraph, KeyframesThatOnlyPassTheChainOnComeOutAsIfSolvedFor) {
   }
 }
 
+TEST(FinalGraph, AChainIsNotCompoundedAcrossABreak) {
+  const Eigen::Matrix3d sure = Eigen::Vector3d(1e-4, 1e-4, 1e-6).asDiagonal();
+  const Eigen::Matrix3d unknown = Eigen::Vector3d(1e4, 1e4, 10.0).asDiagonal();
+  std::vector<ChainRow> rows;
+  for (std::uint32_t k = 0; k < 5; ++k) rows.push_back({k, k + 1, {1.0, 0.0, 0.0}, k == 2 ? unknown : sure});
+  const std::vector<bool> ends{true, false, false, false, false, true};
+  const TrackChains chains(rows, ends);
+  EXPECT_TRUE(chains.is_kept(2));
+  EXPECT_TRUE(chains.is_kept(3));
+  EXPECT_FALSE(chains.is_kept(1));
+  EXPECT_EQ(chains.rows().size(), 3U);
+  rows[2].covariance = sure;
+  EXPECT_EQ(TrackChains(rows, ends).rows().size(), 1U);
+}
+
 // Landmarks wrong by 1 cm must not bend what the scan matcher held together: what is looked at is the shape of each
 // sub-map, its far end seen from its first key-frame.
 TEST(FinalGraph, LandmarksOffByACentimetreDoNotBendSubmaps) {
