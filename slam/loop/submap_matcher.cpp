@@ -108,7 +108,8 @@ void verify(const SubmapView& a, const SubmapView& b, const Alignment& alignment
   const internal::Agreement agreement = internal::measure_agreement(a, b, match.a_from_b);
   match.score = agreement.fitting;
   match.contradiction = agreement.contradicted;
-  if (match.overlap_m2 < options.min_overlap_m2 || match.overlap_share < options.min_overlap_share) {
+  const bool corner = match.overlap_share < options.min_overlap_share;
+  if (match.overlap_m2 < options.min_overlap_m2 || (corner && match.weak)) {
     match.verdict = MatchVerdict::kSmallOverlap;
   } else if (match.score < options.min_score) {
     match.verdict = MatchVerdict::kLowScore;

@@ -13,6 +13,7 @@ constexpr double kPoolCosine = 0.94;    // 20 deg
 constexpr double kPoolAcross_m = 0.08;
 constexpr double kMeanSigma_m = 0.01;  // of a surface mean however many hits it has: cell effects, drift inside the map
 constexpr std::uint16_t kLastingKeyframes = 3;
+constexpr double kThin_m = 0.05;  // spread of a wall or a pole at most; of the trail of somebody who walks it is more
 
 // What a point must count to be one of many: `wanted`, unless most of the sub-map counts less (few, sparse scans).
 std::uint16_t bound_for(const std::vector<SurfacePoint>& surface, std::uint16_t SurfacePoint::*counted,
@@ -52,7 +53,7 @@ SurfaceIndex::SurfaceIndex(const FinishedSubmap& submap, const std::optional<Cel
     const double spread = p.sigma_m;
     element.variance_m2 = kMeanSigma_m * kMeanSigma_m + spread * spread / static_cast<double>(p.hits);
     element.source = static_cast<std::uint32_t>(i);
-    element.lasting = p.keyframes >= min_keyframes && kind == CellKind::kOccupied;
+    element.lasting = p.keyframes >= min_keyframes && kind == CellKind::kOccupied && p.sigma_m <= kThin_m;
     elements_.push_back(element);
   }
   build_buckets();
