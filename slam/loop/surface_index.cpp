@@ -23,14 +23,14 @@ std::uint16_t bound_for(const std::vector<SurfacePoint>& surface, std::uint16_t 
   return 2 * static_cast<std::size_t>(enough) >= surface.size() ? wanted : otherwise;
 }
 
-// What the cells in and around a place are, the most telling of them.
-CellKind kind_around(const CellPlane& plane, const Eigen::Vector2d& place) {
+bool any_occupied_around(const CellPlane& plane, const Eigen::Vector2d& place) {
   const Eigen::Vector2i cell = plane.cell_at(place);
-  CellKind kind = CellKind::kUnknown;
   for (int y = -1; y <= 1; ++y) {
-    for (int x = -1; x <= 1; ++x) kind = std::max(kind, plane.kind(cell.x() + x, cell.y() + y));
+    for (int x = -1; x <= 1; ++x) {
+      if (plane.kind(cell.x() + x, cell.y() + y) == CellKind::kOccupied) return true;
+    }
   }
-  return kind;
+  return false;
 }
 
 }  // namespace
@@ -47,13 +47,12 @@ SurfaceIndex::SurfaceIndex(const FinishedSubmap& submap, const std::optional<Cel
     }
     SurfaceElement element;
     element.mean = {p.x, p.y};
-    const CellKind kind = plane ? kind_around(*plane, element.mean) : CellKind::kOccupied;
-    if (kind == CellKind::kFree) continue;
     element.normal = {p.normal_x, p.normal_y};
     const double spread = p.sigma_m;
     element.variance_m2 = kMeanSigma_m * kMeanSigma_m + spread * spread / static_cast<double>(p.hits);
     element.source = static_cast<std::uint32_t>(i);
-    element.lasting = p.keyframes >= min_keyframes && kind == CellKind::kOccupied && p.sigma_m <= kThin_m;
+    element.lasting =
+        p.keyframes >= min_keyframes && p.sigma_m <= kThin_m && (!plane || any_occupied_around(*plane, element.mean));
     elements_.push_back(element);
   }
   build_buckets();

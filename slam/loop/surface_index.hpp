@@ -29,8 +29,8 @@ class SurfaceIndex {
  public:
   static constexpr std::int32_t kNone = -1;
 
-  // Takes points of at least two hits, or all where those are too few to stand for the sub-map (few, sparse scans);
-  // none where the sub-map's own plane, if it has one, is free again: whoever stood there has gone.
+  // Takes points of at least two hits, or all where those are too few to stand for the sub-map (few, sparse scans).
+  // What stands to the end its plane tells, if it has one.
   SurfaceIndex(const FinishedSubmap& submap, const std::optional<CellPlane>& plane);
 
   [[nodiscard]] const std::vector<SurfaceElement>& elements() const { return elements_; }
