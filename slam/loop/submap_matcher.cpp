@@ -105,9 +105,11 @@ void verify(const SubmapView& a, const SubmapView& b, const Alignment& alignment
   const internal::Overlap overlap = internal::measure_overlap(a, b, match.a_from_b);
   match.overlap_m2 = overlap.area_m2;
   match.overlap_share = overlap.share;
-  match.score = internal::fitting_share(a, b, match.a_from_b);
-  match.contradiction = internal::contradiction_share(a, b, match.a_from_b);
-  if (match.overlap_m2 < options.min_overlap_m2 || match.overlap_share < options.min_overlap_share) {
+  const internal::Agreement agreement = internal::measure_agreement(a, b, match.a_from_b);
+  match.score = agreement.fitting;
+  match.contradiction = agreement.contradicted;
+  const bool corner = match.overlap_share < options.min_overlap_share;
+  if (match.overlap_m2 < options.min_overlap_m2 || (corner && match.weak)) {
     match.verdict = MatchVerdict::kSmallOverlap;
   } else if (match.score < options.min_score) {
     match.verdict = MatchVerdict::kLowScore;

@@ -21,7 +21,7 @@ struct SubmapMatcherOptions {
   double max_window_rad = 3.1416;
   double min_score = 0.60;  // of overlapping surface points
   double min_overlap_m2 = 25.0;
-  double min_overlap_share = 0.10;  // of the smaller
+  double min_overlap_share = 0.10;  // of the smaller, unless walls fix the place in every direction
   double max_contradiction = 0.06;
   bool contradiction_test = true;  // [experiment]: off, `max_contradiction` is not asked
   double max_second_peak = 0.80;

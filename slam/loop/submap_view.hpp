@@ -14,7 +14,7 @@ namespace submapd {
 struct SubmapView {
   // The sub-map must outlive its view. Implicit: who matches a pair once need not know of views.
   SubmapView(const FinishedSubmap& viewed)  // NOLINT(google-explicit-constructor)
-      : submap(viewed), plane(CellPlane::make(viewed)), surface(viewed) {}
+      : submap(viewed), plane(CellPlane::make(viewed)), surface(viewed, plane) {}
 
   [[nodiscard]] std::size_t bytes() const { return sizeof(*this) + (plane ? plane->bytes() : 0) + surface.bytes(); }
 

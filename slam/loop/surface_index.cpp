@@ -13,6 +13,7 @@ constexpr double kPoolCosine = 0.94;    // 20 deg
 constexpr double kPoolAcross_m = 0.08;
 constexpr double kMeanSigma_m = 0.01;  // of a surface mean however many hits it has: cell effects, drift inside the map
 constexpr std::uint16_t kLastingKeyframes = 3;
+constexpr double kThin_m = 0.05;  // spread of a wall or a pole at most; of the trail of somebody who walks it is more
 
 // What a point must count to be one of many: `wanted`, unless most of the sub-map counts less (few, sparse scans).
 std::uint16_t bound_for(const std::vector<SurfacePoint>& surface, std::uint16_t SurfacePoint::*counted,
@@ -22,9 +23,19 @@ std::uint16_t bound_for(const std::vector<SurfacePoint>& surface, std::uint16_t 
   return 2 * static_cast<std::size_t>(enough) >= surface.size() ? wanted : otherwise;
 }
 
+bool any_occupied_around(const CellPlane& plane, const Eigen::Vector2d& place) {
+  const Eigen::Vector2i cell = plane.cell_at(place);
+  for (int y = -1; y <= 1; ++y) {
+    for (int x = -1; x <= 1; ++x) {
+      if (plane.kind(cell.x() + x, cell.y() + y) == CellKind::kOccupied) return true;
+    }
+  }
+  return false;
+}
+
 }  // namespace
 
-SurfaceIndex::SurfaceIndex(const FinishedSubmap& submap) {
+SurfaceIndex::SurfaceIndex(const FinishedSubmap& submap, const std::optional<CellPlane>& plane) {
   const auto& surface = submap.surface;
   const std::uint16_t min_hits = bound_for(surface, &SurfacePoint::hits, kMinHits, 1);
   const std::uint16_t min_keyframes = bound_for(surface, &SurfacePoint::keyframes, kLastingKeyframes, 0);
@@ -40,7 +51,8 @@ SurfaceIndex::SurfaceIndex(const FinishedSubmap& submap) {
     const double spread = p.sigma_m;
     element.variance_m2 = kMeanSigma_m * kMeanSigma_m + spread * spread / static_cast<double>(p.hits);
     element.source = static_cast<std::uint32_t>(i);
-    element.lasting = p.keyframes >= min_keyframes;
+    element.lasting =
+        p.keyframes >= min_keyframes && p.sigma_m <= kThin_m && (!plane || any_occupied_around(*plane, element.mean));
     elements_.push_back(element);
   }
   build_buckets();

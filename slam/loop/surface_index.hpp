@@ -6,8 +6,10 @@
 #include <Eigen/Core>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
+#include "slam/loop/cell_plane.hpp"
 #include "slam/submap/finished_submap.hpp"
 
 namespace submapd {
@@ -18,7 +20,8 @@ struct SurfaceElement {
   Eigen::Vector2d normal = Eigen::Vector2d::Zero();  // unit, or zero if not line-like
   double variance_m2 = 0.0;                          // of the mean (across the line)
   std::uint32_t source = 0;                          // index into FinishedSubmap::surface
-  bool lasting = true;  // hit by three key-frames: nobody who walked by; all, if those are too few
+  // Stands to the end, and hit by three key-frames (all, if those are too few): nobody who walked by.
+  bool lasting = true;
   [[nodiscard]] bool line_like() const { return !normal.isZero(0.0); }
 };
 
@@ -27,7 +30,8 @@ class SurfaceIndex {
   static constexpr std::int32_t kNone = -1;
 
   // Takes points of at least two hits, or all where those are too few to stand for the sub-map (few, sparse scans).
-  explicit SurfaceIndex(const FinishedSubmap& submap);
+  // What stands to the end its plane tells, if it has one.
+  SurfaceIndex(const FinishedSubmap& submap, const std::optional<CellPlane>& plane);
 
   [[nodiscard]] const std::vector<SurfaceElement>& elements() const { return elements_; }
   [[nodiscard]] std::size_t bytes() const {

@@ -16,34 +16,13 @@ constexpr double kFitCosine = 0.866;    // 30 deg
 constexpr int kOverlapStride = 2;       // cells; a quarter of them measures the area well enough
 constexpr std::size_t kMinJudged = 20;  // surface points; fewer prove nothing
 
-struct Share {
-  std::size_t part = 0;
-  std::size_t whole = 0;
-};
-
-// Whether the cell or one of its eight neighbours is of a kind for which `wanted` holds.
-template <typename Wanted>
-bool any_around(const CellPlane& plane, const Eigen::Vector2i& cell, Wanted wanted) {
+bool all_free_around(const CellPlane& plane, const Eigen::Vector2i& cell) {
   for (int y = -1; y <= 1; ++y) {
     for (int x = -1; x <= 1; ++x) {
-      if (wanted(plane.kind(cell.x() + x, cell.y() + y))) {
-        return true;
-      }
+      if (plane.kind(cell.x() + x, cell.y() + y) != CellKind::kFree) return false;
     }
   }
-  return false;
-}
-
-bool any_known_around(const CellPlane& plane, const Eigen::Vector2i& cell) {
-  return any_around(plane, cell, [](CellKind kind) { return kind != CellKind::kUnknown; });
-}
-
-bool any_occupied_around(const CellPlane& plane, const Eigen::Vector2i& cell) {
-  return any_around(plane, cell, [](CellKind kind) { return kind == CellKind::kOccupied; });
-}
-
-bool all_free_around(const CellPlane& plane, const Eigen::Vector2i& cell) {
-  return !any_around(plane, cell, [](CellKind kind) { return kind != CellKind::kFree; });
+  return true;
 }
 
 bool fits(const SurfaceIndex& target, const Eigen::Vector2d& place, const Eigen::Vector2d& normal) {
@@ -56,33 +35,30 @@ bool fits(const SurfaceIndex& target, const Eigen::Vector2d& place, const Eigen:
   return mate.line_like() ? std::abs(mate.normal.dot(offset)) <= kFitAcross_m : offset.norm() <= kFitAcross_m;
 }
 
-Share fitting(const SurfaceIndex& points, const SubmapView& target, const Pose2& target_from_points) {
-  Share share;
+struct Judged {
+  std::size_t all = 0;
+  std::size_t fitting = 0;
+  std::size_t contradicted = 0;
+};
+
+// Where a cell's neighbours alone are known, the other sub-map ends: it may have seen the wall's other side, or less.
+Judged judge_elements(const SurfaceIndex& points, const SubmapView& target, const Pose2& target_from_points) {
+  Judged judged;
   const Eigen::Matrix2d turn = rotation(target_from_points.yaw);
   for (const SurfaceElement& element : points.elements()) {
+    if (!element.lasting) continue;
     const Eigen::Vector2d place = turn * element.mean + target_from_points.translation();
-    if (!any_known_around(*target.plane, target.plane->cell_at(place))) {
-      continue;
-    }
-    ++share.whole;
-    share.part += fits(target.surface, place, turn * element.normal) ? 1 : 0;
+    const Eigen::Vector2i cell = target.plane->cell_at(place);
+    if (target.plane->kind(cell.x(), cell.y()) == CellKind::kUnknown) continue;
+    ++judged.all;
+    judged.fitting += fits(target.surface, place, turn * element.normal) ? 1 : 0;
+    judged.contradicted += all_free_around(*target.plane, cell) ? 1 : 0;
   }
-  return share;
+  return judged;
 }
 
-// Only what stands there to the end counts: people leave surfaces behind where cells are free again, and cells where
-// nobody looked again.
-double contradicted(const SubmapView& points, const CellPlane& target, const Pose2& target_from_points) {
-  Share share;
-  const Eigen::Matrix2d turn = rotation(target_from_points.yaw);
-  for (const SurfaceElement& element : points.surface.elements()) {
-    if (!element.lasting || !any_occupied_around(*points.plane, points.plane->cell_at(element.mean))) continue;
-    const Eigen::Vector2i cell = target.cell_at(turn * element.mean + target_from_points.translation());
-    if (target.kind(cell.x(), cell.y()) == CellKind::kUnknown) continue;
-    ++share.whole;
-    share.part += all_free_around(target, cell) ? 1 : 0;
-  }
-  return share.whole < kMinJudged ? 0.0 : static_cast<double>(share.part) / static_cast<double>(share.whole);
+double share(std::size_t part, std::size_t whole) {
+  return whole < kMinJudged ? 0.0 : static_cast<double>(part) / static_cast<double>(whole);
 }
 
 }  // namespace
@@ -114,15 +90,13 @@ Overlap measure_overlap(const SubmapView& a, const SubmapView& b, const Pose2& a
   return overlap;
 }
 
-double fitting_share(const SubmapView& a, const SubmapView& b, const Pose2& a_from_b) {
-  const Share on_a = fitting(b.surface, a, a_from_b);
-  const Share on_b = fitting(a.surface, b, inverse(a_from_b));
-  const std::size_t whole = on_a.whole + on_b.whole;
-  return whole == 0 ? 0.0 : static_cast<double>(on_a.part + on_b.part) / static_cast<double>(whole);
-}
-
-double contradiction_share(const SubmapView& a, const SubmapView& b, const Pose2& a_from_b) {
-  return std::max(contradicted(b, *a.plane, a_from_b), contradicted(a, *b.plane, inverse(a_from_b)));
+Agreement measure_agreement(const SubmapView& a, const SubmapView& b, const Pose2& a_from_b) {
+  const Judged on_a = judge_elements(b.surface, a, a_from_b);
+  const Judged on_b = judge_elements(a.surface, b, inverse(a_from_b));
+  Agreement agreement;
+  agreement.fitting = share(on_a.fitting + on_b.fitting, on_a.all + on_b.all);
+  agreement.contradicted = std::max(share(on_a.contradicted, on_a.all), share(on_b.contradicted, on_b.all));
+  return agreement;
 }
 
 }  // namespace submapd::internal

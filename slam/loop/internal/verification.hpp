@@ -13,12 +13,14 @@ struct Overlap {
 };
 [[nodiscard]] Overlap measure_overlap(const SubmapView& a, const SubmapView& b, const Pose2& a_from_b);
 
-// Share of the surface points lying where the other sub-map knows the cells that have a fitting piece of surface there.
-[[nodiscard]] double fitting_share(const SubmapView& a, const SubmapView& b, const Pose2& a_from_b);
-
-// Share of the lasting surface points lying where the other sub-map knows the cells that it has looked through with
-// certainty; of the two directions the worse one, since furniture that is in one room only contradicts in one direction
-// only.
-[[nodiscard]] double contradiction_share(const SubmapView& a, const SubmapView& b, const Pose2& a_from_b);
+// Both of the lasting surface points that lie where the other sub-map knows the cell; 0 if those are too few to judge
+// by.
+struct Agreement {
+  double fitting = 0.0;  // share that has a fitting piece of surface there
+  // Share that the other has looked through with certainty; of the two directions the worse one, since furniture that
+  // is in one room only contradicts in one direction only.
+  double contradicted = 0.0;
+};
+[[nodiscard]] Agreement measure_agreement(const SubmapView& a, const SubmapView& b, const Pose2& a_from_b);
 
 }  // namespace submapd::internal

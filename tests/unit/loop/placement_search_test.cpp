@@ -56,7 +56,7 @@ std::uint8_t expected_score(const CellPlane& plane, int x, int y) {
 
 TEST(MatchGrid, LevelZeroIsTheScoreOfTheDistance) {
   const CellPlane plane = random_plane(3);
-  const MatchGrid grid(plane, SurfaceIndex(FinishedSubmap{}), 1);
+  const MatchGrid grid(plane, SurfaceIndex(FinishedSubmap{}, std::nullopt), 1);
   for (int y = -7; y < plane.height() + 7; ++y) {
     for (int x = -7; x < plane.width() + 7; ++x) {
       const int expected = expected_score(plane, x, y);
@@ -68,7 +68,7 @@ TEST(MatchGrid, LevelZeroIsTheScoreOfTheDistance) {
 
 TEST(MatchGrid, EveryLevelBoundsTheWindowItStandsFor) {
   const CellPlane plane = random_plane(4);
-  const MatchGrid grid(plane, SurfaceIndex(FinishedSubmap{}), kMaxPyramidLevel + 1);
+  const MatchGrid grid(plane, SurfaceIndex(FinishedSubmap{}, std::nullopt), kMaxPyramidLevel + 1);
   for (int level = 1; level < grid.levels(); ++level) {
     const int side = 1 << level;
     for (int y = -side - 9; y < plane.height() + 9; y += 3) {
@@ -119,7 +119,7 @@ std::int32_t exhaustive(const CellPlane& plane, const MatchGrid& grid, const std
 RC_GTEST_PROP(PlacementSearch, FindsWhatTryingEverythingFinds, (std::uint64_t seed)) {
   const CellPlane plane = random_plane(seed);
   const int levels = 1 + static_cast<int>(seed % (kMaxPyramidLevel + 1));
-  const MatchGrid grid(plane, SurfaceIndex(FinishedSubmap{}), levels);
+  const MatchGrid grid(plane, SurfaceIndex(FinishedSubmap{}, std::nullopt), levels);
   const std::vector<Eigen::Vector2d> points = random_points(seed);
   CounterRandom random(seed, 2, 0);
   SearchWindow window;

@@ -4,8 +4,10 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdint>
 #include <cstring>
 #include <numbers>
+#include <optional>
 
 #include "slam/base/random.hpp"
 #include "tests/unit/loop/synthetic_submap.hpp"
@@ -131,6 +133,41 @@ TEST(SubmapMatcher, PassersByContradictNothing) {
   EXPECT_EQ(match.verdict, MatchVerdict::kAccepted) << match.contradiction;
 }
 
+SurfacePoint point_at(float x, float y, std::uint16_t keyframes, float sigma_m) {
+  SurfacePoint point;
+  point.x = x;
+  point.y = y;
+  point.sigma_m = sigma_m;
+  point.hits = 50;
+  point.keyframes = keyframes;
+  return point;
+}
+
+// Somebody stood where the cells are free again, in more key-frames than a passer-by.
+TEST(SubmapMatcher, WhoeverHasGoneStandsForNothing) {
+  FinishedSubmap left = twin_room(false, 0);
+  const FinishedSubmap again = twin_room(false, 1);
+  const MatchPrior prior = prior_at({0.2, 0.1, 0.02}, 0.5, 0.05);
+  const SubmapMatcher matcher(SubmapMatcherOptions{});
+  const SubmapMatch before = matcher.search(left, again, prior);
+  for (int k = 0; k < 400; ++k) {
+    left.surface.push_back(
+        point_at(2.1F + 0.07F * static_cast<float>(k % 20), 1.2F + 0.07F * static_cast<float>(k / 20), 10, 0.02F));
+  }
+  const SubmapMatch after = matcher.search(left, again, prior);
+  EXPECT_EQ(after.verdict, MatchVerdict::kAccepted);
+  EXPECT_NEAR(after.score, before.score, 0.02);
+}
+
+TEST(SurfaceIndex, LastingIsWhatIsThinAndOfThreeKeyframes) {
+  FinishedSubmap submap;
+  submap.surface = {point_at(0.0F, 0.0F, 3, 0.02F), point_at(0.0F, 1.0F, 5, 0.02F), point_at(0.0F, 2.0F, 2, 0.02F),
+                    point_at(0.0F, 3.0F, 5, 0.08F)};
+  const SurfaceIndex index(submap, std::nullopt);
+  ASSERT_EQ(index.elements().size(), 4U);
+  for (const SurfaceElement& element : index.elements()) EXPECT_EQ(element.lasting, element.source < 2);
+}
+
 // Pillars every 3 m along a hall, and one cupboard: a bay farther all but the cupboard fits.
 TEST(SubmapMatcher, ARivalThatIsContradictedIsNone) {
   World hall;
@@ -173,6 +210,14 @@ TEST(SubmapMatcher, ABareCorridorIsWeakOrAmbiguous) {
   EXPECT_LT(refined.covariance(1, 1), 0.02 * 0.02);  // across
   EXPECT_NEAR(refined.a_from_b.y, truth.y, 0.01);
   EXPECT_NEAR(refined.a_from_b.yaw, truth.yaw, 0.2 * kDegree);
+}
+
+TEST(SubmapMatcher, ASmallShareWillDoWhereWallsFixThePlace) {
+  SubmapMatcherOptions demanding;
+  demanding.min_overlap_share = 1.1;
+  const TwoVisits visits(SyntheticSensor::dense());
+  EXPECT_EQ(SubmapMatcher(demanding).refine(visits.a, visits.b, true_pose(visits.a, visits.b)).verdict,
+            MatchVerdict::kAccepted);
 }
 
 TEST(SubmapMatcher, RefusesSubMapsThatDoNotOverlap) {
