@@ -206,6 +206,9 @@ TEST(SubmapMatcher, ABareCorridorIsWeakOrAmbiguous) {
 
   const SubmapMatch refined = matcher.refine(a, b, compose(truth, {0.0, 0.04, 0.005}));
   EXPECT_TRUE(refined.weak);
+  SubmapMatcherOptions demanding;
+  demanding.min_overlap_share = 1.1;
+  EXPECT_EQ(SubmapMatcher(demanding).refine(a, b, truth).verdict, MatchVerdict::kSmallOverlap);
   EXPECT_GT(refined.covariance(0, 0), 0.1 * 0.1);    // along
   EXPECT_LT(refined.covariance(1, 1), 0.02 * 0.02);  // across
   EXPECT_NEAR(refined.a_from_b.y, truth.y, 0.01);
