@@ -165,8 +165,10 @@ bool IndexMap::insert(const Eigen::Vector2f& origin, std::span<const BeamEnd> be
     const bool in_free = add_hit(cell);
     if (hits_.size() < hits_.capacity()) {
       const float s = 1.0F / beam.range_m;
-      hits_.push_back({beam.x, beam.y, (origin.x() - beam.x) * s, (origin.y() - beam.y) * s, beam.normal_x,
-                       beam.normal_y, in_free});
+      hits_.push_back({beam.x,
+                       beam.y,
+                       {(origin.x() - beam.x) * s, (origin.y() - beam.y) * s, beam.normal_x, beam.normal_y},
+                       in_free});
     }
   }
   surface_.insert(hits_);

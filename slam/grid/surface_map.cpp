@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "slam/base/planar_scatter.hpp"
+
 namespace submapd {
 namespace {
 
@@ -113,25 +115,18 @@ PooledLine line_of(const Moments& m, const SurfaceFace& face) {
   if (m.n < 1.0F) return line;
   const float mx = m.x / m.n;
   const float my = m.y / m.n;
-  const float cxx = std::max(m.xx / m.n - mx * mx, 0.0F);
-  const float cyy = std::max(m.yy / m.n - my * my, 0.0F);
-  const float cxy = m.xy / m.n - mx * my;
+  const PlanarScatter scatter{std::max(m.xx / m.n - mx * mx, 0.0F), m.xy / m.n - mx * my,
+                              std::max(m.yy / m.n - my * my, 0.0F)};
   line.mean_x = surface_centre(static_cast<int>(face.cell % kSurfaceSide)) + mx;
   line.mean_y = surface_centre(static_cast<int>(face.cell / kSurfaceSide)) + my;
-  // Eigenvalues of the 2 x 2 scatter, closed form.
-  const float mean = 0.5F * (cxx + cyy);
-  const float root = norm_of(0.5F * (cxx - cyy), cxy);
-  const float large = mean + root;
-  const float small = std::max(mean - root, 0.0F);
-  line.half_length_m = std::sqrt(large);
+  const ScatterValues values = eigenvalues(scatter);
+  const float small = std::max(values.small, 0.0F);
+  line.half_length_m = std::sqrt(values.large);
   const float normals = norm_of(m.normal_x, m.normal_y);
   const bool told = normals >= kNormalsForLine;
-  bool by_scatter = m.n >= kMinHitsForLine && large >= kMinLineSpread_m2 && small <= kLineRatio * large;
+  bool by_scatter = m.n >= kMinHitsForLine && values.large >= kMinLineSpread_m2 && small <= kLineRatio * values.large;
   if (by_scatter) {
-    // The eigenvector, from the row of the matrix that is longer.
-    const bool flat = cxx > cyy;
-    const float nx = flat ? -cxy : cyy - (mean - root);
-    const float ny = flat ? cxx - (mean - root) : -cxy;
+    const auto [nx, ny] = normal_of(scatter, values.small);
     const float scale = std::copysign(1.0F / norm_of(nx, ny), nx * face.view_x + ny * face.view_y);
     line.normal_x = scale * nx;
     line.normal_y = scale * ny;
@@ -140,15 +135,15 @@ PooledLine line_of(const Moments& m, const SurfaceFace& face) {
   }
   if (!by_scatter && !told) {
     line.kind = SurfaceKind::kPoint;
-    line.sigma_m = std::sqrt(mean);
+    line.sigma_m = std::sqrt(0.5F * (scatter.xx + scatter.yy));
     return line;
   }
   line.kind = SurfaceKind::kLine;
   if (by_scatter) return line;
   line.normal_x = m.normal_x / normals;
   line.normal_y = m.normal_y / normals;
-  const float off_m2 = line.normal_x * line.normal_x * cxx + 2.0F * line.normal_x * line.normal_y * cxy +
-                       line.normal_y * line.normal_y * cyy;
+  const float off_m2 = line.normal_x * line.normal_x * scatter.xx + 2.0F * line.normal_x * line.normal_y * scatter.xy +
+                       line.normal_y * line.normal_y * scatter.yy;
   line.sigma_m = spread_m(std::max(off_m2, 0.0F), m.n);
   return line;
 }
@@ -233,7 +228,7 @@ void SurfaceMap::insert(std::span<const SurfaceHit> hits) {
     const int ix = surface_index(hit.x);
     const int iy = surface_index(hit.y);
     if (!in_surface(ix, iy)) continue;
-    const std::uint16_t f = ensure_face(ix, iy, {hit.view_x, hit.view_y, hit.normal_x, hit.normal_y});
+    const std::uint16_t f = ensure_face(ix, iy, hit.look);
     if (f == 0) continue;
     SurfaceFace& face = faces_[f];
     const float dx = hit.x - surface_centre(ix);
@@ -244,12 +239,12 @@ void SurfaceMap::insert(std::span<const SurfaceHit> hits) {
     face.sum_xx += dx * dx;
     face.sum_xy += dx * dy;
     face.sum_yy += dy * dy;
-    face.view_x += hit.view_x;
-    face.view_y += hit.view_y;
-    face.normal_x += hit.normal_x;
-    face.normal_y += hit.normal_y;
+    face.view_x += hit.look.view_x;
+    face.view_y += hit.look.view_y;
+    face.normal_x += hit.look.normal_x;
+    face.normal_y += hit.look.normal_y;
     face.in_free += hit.in_free ? 1.0F : 0.0F;
-    face.view_sectors = static_cast<std::uint8_t>(face.view_sectors | (1U << octant(hit.view_x, hit.view_y)));
+    face.view_sectors = static_cast<std::uint8_t>(face.view_sectors | (1U << octant(hit.look.view_x, hit.look.view_y)));
     if (face.touched_scan != scan_) {
       face.touched_scan = scan_;
       if (face.keyframes < std::numeric_limits<std::uint16_t>::max()) ++face.keyframes;

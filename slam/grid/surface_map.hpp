@@ -80,10 +80,7 @@ struct alignas(64) SurfaceFace {
 struct SurfaceHit {
   float x = 0.0F;  // m, sub-map frame
   float y = 0.0F;
-  float view_x = 0.0F;  // unit vector from the hit towards the sensor
-  float view_y = 0.0F;
-  float normal_x = 0.0F;  // unit, of the surface, towards the sensor; (0, 0) if unknown
-  float normal_y = 0.0F;
+  SurfaceLook look;
   bool in_free = false;  // where the map has been seen free: of something that moves
 };
 

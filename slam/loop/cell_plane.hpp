@@ -58,6 +58,17 @@ class CellPlane {
     return kinds_[static_cast<std::size_t>(y) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(x)];
   }
 
+  // Whether `wanted` holds for the kind of the cell or of one of its eight neighbours.
+  template <typename Wanted>
+  [[nodiscard]] bool any_around(const Eigen::Vector2i& cell, const Wanted& wanted) const {
+    for (int y = -1; y <= 1; ++y) {
+      for (int x = -1; x <= 1; ++x) {
+        if (wanted(kind(cell.x() + x, cell.y() + y))) return true;
+      }
+    }
+    return false;
+  }
+
  private:
   int x0_ = 0;  // cell coordinates in the sub-map's frame of plane cell (0, 0)
   int y0_ = 0;

@@ -84,8 +84,9 @@ class GrownCells {
         add(runs_[static_cast<std::size_t>(y + dy - first_row_)], first - half, last + half);
       }
     }
+    Runs scratch;
     for (auto& row : runs_) {
-      merge(row);
+      merge(row, scratch);
     }
   }
 
@@ -110,17 +111,11 @@ class GrownCells {
       row.emplace_back(first, last);
     }
   }
-  static void merge(Runs& row) {
+  static void merge(Runs& row, Runs& scratch) {
     std::sort(row.begin(), row.end());
-    std::size_t merged = 0;
-    for (const auto& run : row) {
-      if (merged > 0 && run.first <= row[merged - 1].second + 1) {
-        row[merged - 1].second = std::max(row[merged - 1].second, run.second);
-      } else {
-        row[merged++] = run;
-      }
-    }
-    row.resize(merged);
+    scratch.clear();
+    for (const auto& [first, last] : row) add(scratch, first, last);
+    row.swap(scratch);
   }
 
   int first_row_ = 0;

@@ -24,13 +24,7 @@ std::uint16_t bound_for(const std::vector<SurfacePoint>& surface, std::uint16_t 
 }
 
 bool any_occupied_around(const CellPlane& plane, const Eigen::Vector2d& place) {
-  const Eigen::Vector2i cell = plane.cell_at(place);
-  for (int y = -1; y <= 1; ++y) {
-    for (int x = -1; x <= 1; ++x) {
-      if (plane.kind(cell.x() + x, cell.y() + y) == CellKind::kOccupied) return true;
-    }
-  }
-  return false;
+  return plane.any_around(plane.cell_at(place), [](CellKind kind) { return kind == CellKind::kOccupied; });
 }
 
 }  // namespace

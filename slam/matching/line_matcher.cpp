@@ -9,6 +9,10 @@ namespace {
 
 constexpr float kPerFar_m = 0.1F;  // beyond 10 m ranges err more, by data sheets
 
+const PooledLine* line_at(const SurfaceMap& surface, LinesOf lines, float x, float y, const SurfaceLook& look) {
+  return lines == LinesOf::kCell ? surface.find(x, y, look) : surface.find_pooled(x, y, look);
+}
+
 // The lines found last, by point: from pass to pass a point moves by millimetres and hardly ever into another cell.
 class FoundLines {
  public:
@@ -33,11 +37,12 @@ class FoundLines {
   std::size_t used_ = 0;
 };
 
-LineSystem system_at(std::span<const ScanPoint> points, const SurfaceMap& surface, double angle_step_rad,
-                     const Pose2& pose, const WeakMotion& weak_motion, const LineMatcherOptions& options,
-                     FoundLines& found) {
+// `find(point, x, y, look)` gives the line that a point belongs to, by its number and its place on the map.
+template <typename Find>
+LineSystem system_at(std::span<const ScanPoint> points, int scans, double angle_step_rad, const Pose2& pose,
+                     const WeakMotion& weak_motion, const LineMatcherOptions& options, const Find& find) {
   LineSystem out;
-  const int standing = std::min(options.standing_scans, surface.scans());
+  const int standing = std::min(options.standing_scans, scans);
   const bool weak = weak_motion.any();
   const auto ax = static_cast<float>(weak_motion.axis.x());
   const auto ay = static_cast<float>(weak_motion.axis.y());
@@ -63,9 +68,7 @@ LineSystem system_at(std::span<const ScanPoint> points, const SurfaceMap& surfac
     const float vx = c * p.view_x - s * p.view_y;
     const float vy = s * p.view_x + c * p.view_y;
     const SurfaceLook look{vx, vy, c * p.normal_x - s * p.normal_y, s * p.normal_x + c * p.normal_y};
-    const PooledLine* line = found.at(i, SurfaceMap::cell_of(x, y), [&] {
-      return options.lines == LinesOf::kCell ? surface.find(x, y, look) : surface.find_pooled(x, y, look);
-    });
+    const PooledLine* line = find(i, x, y, look);
     if (line == nullptr) continue;
     const float dx = x - line->mean_x;
     const float dy = y - line->mean_y;
@@ -126,8 +129,10 @@ LineSystem system_at(std::span<const ScanPoint> points, const SurfaceMap& surfac
 
 LineSystem line_system(std::span<const ScanPoint> points, const SurfaceMap& surface, double angle_step_rad,
                        const Pose2& pose, const WeakMotion& weak_motion, const LineMatcherOptions& options) {
-  FoundLines found;
-  return system_at(points, surface, angle_step_rad, pose, weak_motion, options, found);
+  return system_at(points, surface.scans(), angle_step_rad, pose, weak_motion, options,
+                   [&](std::size_t, float x, float y, const SurfaceLook& look) {
+                     return line_at(surface, options.lines, x, y, look);
+                   });
 }
 
 LineMatchResult match_lines(std::span<const ScanPoint> points, const SurfaceMap& surface, double angle_step_rad,
@@ -136,8 +141,12 @@ LineMatchResult match_lines(std::span<const ScanPoint> points, const SurfaceMap&
   result.match.pose = start;
   if (points.empty()) return result;
   FoundLines found;
+  const auto find = [&](std::size_t i, float x, float y, const SurfaceLook& look) {
+    return found.at(i, SurfaceMap::cell_of(x, y), [&] { return line_at(surface, options.lines, x, y, look); });
+  };
   for (int pass = 0;; ++pass) {
-    const LineSystem system = system_at(points, surface, angle_step_rad, result.match.pose, prior.weak, options, found);
+    const LineSystem system =
+        system_at(points, surface.scans(), angle_step_rad, result.match.pose, prior.weak, options, find);
     result.match.information = system.equations.H;
     result.associated = system.associated;
     result.match.health.iterations = pass;

@@ -15,4 +15,10 @@ struct ScanPoint {
   bool alone = false;   // of something small in front of all that is seen beside it: it may walk
 };
 
+[[nodiscard]] inline float squared_distance(const ScanPoint& a, const ScanPoint& b) {
+  const float dx = a.x - b.x;
+  const float dy = a.y - b.y;
+  return dx * dx + dy * dy;
+}
+
 }  // namespace submapd

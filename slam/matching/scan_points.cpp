@@ -18,9 +18,7 @@ double slope_angle(double range, double neighbour, double step_rad) {
 
 // No point is so far that std::hypot's care pays for its time.
 float apart_m(const ScanPoint& a, const ScanPoint& b) {
-  const float dx = a.x - b.x;
-  const float dy = a.y - b.y;
-  return std::sqrt(dx * dx + dy * dy);
+  return std::sqrt(squared_distance(a, b));
 }
 
 }  // namespace
@@ -57,8 +55,6 @@ void ScanPoints::assign_beams(const Scan& scan, const Twist2& twist) {
 
 void ScanPoints::assign(const Scan& scan, const Twist2& twist) {
   assign_beams(scan, twist);
-  weigh();
-  mark_alone();
   normals_.fill(all_);
   auto point = all_.begin();
   for (BeamEnd& end : beams_) {
@@ -67,11 +63,15 @@ void ScanPoints::assign(const Scan& scan, const Twist2& twist) {
     end.normal_y = point->normal_y;
     ++point;
   }
-  thin();
+  describe();
 }
 
 void ScanPoints::unwarp_again(const Scan& scan, const Twist2& twist) {
   unwarp(scan, twist);
+  describe();
+}
+
+void ScanPoints::describe() {
   weigh();
   mark_alone();
   thin();

@@ -53,6 +53,8 @@ class ScanPoints {
   // Marks the first n beams that are a measurement, and those that are free but no hit.
   void filter(const Scan& scan, std::size_t n);
   void unwarp(const Scan& scan, const Twist2& twist);
+  // All that follows from the points.
+  void describe();
   // Weights, and the ranges over all points.
   void weigh();
   void mark_alone();

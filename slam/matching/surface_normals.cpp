@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "slam/base/planar_scatter.hpp"
+
 namespace submapd {
 namespace {
 
@@ -22,16 +24,10 @@ constexpr float square(float x) {
   return x * x;
 }
 
-float apart2(const ScanPoint& a, const ScanPoint& b) {
-  return square(a.x - b.x) + square(a.y - b.y);
-}
-
 }  // namespace
 
 struct SurfaceNormals::Scatter {
-  float xx;
-  float xy;
-  float yy;
+  PlanarScatter moments;
   float small;   // eigenvalue: mean square off the line
   float off_m2;  // the same, not made less by few points; kNone if they make no line
 };
@@ -50,14 +46,13 @@ inline SurfaceNormals::Scatter SurfaceNormals::scatter_of(std::size_t first, std
   const double mx = (b.x - a.x) * inverse;
   const double my = (b.y - a.y) * inverse;
   Scatter s;
-  s.xx = static_cast<float>((b.xx - a.xx) * inverse - mx * mx);
-  s.xy = static_cast<float>((b.xy - a.xy) * inverse - mx * my);
-  s.yy = static_cast<float>((b.yy - a.yy) * inverse - my * my);
-  const float mean = 0.5F * (s.xx + s.yy);
-  const float root = std::sqrt(square(0.5F * (s.xx - s.yy)) + square(s.xy));
-  s.small = std::max(mean - root, 1e-6F);
+  s.moments = {static_cast<float>((b.xx - a.xx) * inverse - mx * mx),
+               static_cast<float>((b.xy - a.xy) * inverse - mx * my),
+               static_cast<float>((b.yy - a.yy) * inverse - my * my)};
+  const ScatterValues values = eigenvalues(s.moments);
+  s.small = std::max(values.small, 1e-6F);
   const float off = s.small * n / std::max(n - 2.0F, 0.5F);
-  const bool line = last + 1 >= first + kFewest && off <= square(kDirectionSigma_rad) * n * (mean + root);
+  const bool line = last + 1 >= first + kFewest && off <= square(kDirectionSigma_rad) * n * values.large;
   s.off_m2 = line ? off : kNone;
   return s;
 }
@@ -72,7 +67,7 @@ void SurfaceNormals::find_runs(std::span<const ScanPoint> points) {
     const auto y = static_cast<double>(points[i].y);
     const Sums& s = before_.back();
     before_.push_back({s.x + x, s.y + y, s.xx + x * x, s.xy + x * y, s.yy + y * y});
-    const bool goes_on = i > 0 && apart2(points[i], points[i - 1]) <= square(kLongest_m);
+    const bool goes_on = i > 0 && squared_distance(points[i], points[i - 1]) <= square(kLongest_m);
     begin_[i] = goes_on ? begin_[i - 1] : static_cast<std::uint32_t>(i);
   }
   for (std::size_t i = n; i-- > 0;) {
@@ -90,8 +85,9 @@ void SurfaceNormals::fill(std::span<ScanPoint> points) {
     if (end - begin + 1 < kFewest) continue;
     const std::size_t left = std::min(i - begin, kStride);
     const std::size_t right = std::min(end - i, kStride);
-    const float gap_left2 = left > 0 ? apart2(p, points[i - left]) / square(static_cast<float>(left)) : kNone;
-    const float gap_right2 = right > 0 ? apart2(p, points[i + right]) / square(static_cast<float>(right)) : kNone;
+    const float gap_left2 = left > 0 ? squared_distance(p, points[i - left]) / square(static_cast<float>(left)) : kNone;
+    const float gap_right2 =
+        right > 0 ? squared_distance(p, points[i + right]) / square(static_cast<float>(right)) : kNone;
     const float gap_m = std::sqrt(std::min(gap_left2, gap_right2));
     const float window_m = std::clamp(kGaps * gap_m, kShortest_m, kLongest_m);
     const auto gaps =
@@ -105,10 +101,7 @@ void SurfaceNormals::fill(std::span<ScanPoint> points) {
       if (behind.off_m2 < s.off_m2) s = behind;
       if (s.off_m2 == kNone) continue;
     }
-    // The eigenvector, from the row of the matrix that is longer.
-    const bool flat = s.xx > s.yy;
-    const float nx = flat ? -s.xy : s.yy - s.small;
-    const float ny = flat ? s.xx - s.small : -s.xy;
+    const auto [nx, ny] = normal_of(s.moments, s.small);
     const float facing = nx * p.view_x + ny * p.view_y;
     const float norm = std::sqrt(nx * nx + ny * ny);
     if (std::abs(facing) < kGrazing * norm) continue;

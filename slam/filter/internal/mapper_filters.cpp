@@ -138,7 +138,7 @@ KnownFit Mapper::Impl::filter_by_matching(const Scan& scan, double step_s, std::
   });
   // Serial: the search has one scratch store.
   KnownFit fit;
-  // Where nothing holds an axis, a search finds the place where the map ends: the cart went on.
+  // Along a weak axis a search finds the place where the map ends, or another door: the cart went on.
   const bool after_gap = step_s > kShortGap_s && single() && !degeneracy.weak();
   const bool search_anyway = !odometry_delta && adaptive() && (slow() || after_gap);
   const double good = slow() && !odometry_delta ? usual_fit - kMuchWorse : 0.0;

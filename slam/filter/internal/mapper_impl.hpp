@@ -91,8 +91,8 @@ struct Mapper::Impl {
   void apply_match(Particle& p, double step_s, std::uint64_t scan_index, std::uint64_t index);
   // The walls against the scan at a pose.
   [[nodiscard]] LineSystem lines_at(const Pose2& pose, const WeakMotion& weak, LinesOf lines) const;
-  // Where nothing held the axis for a while, the first thing that does is seldom within the matcher's reach: of the
-  // places along it, the one whose walls hold it best, if any does; the prediction otherwise.
+  // Where nothing held a weak axis for a while, or in a gap, the first thing that does is seldom within the matcher's
+  // reach: of the places along it, the one whose walls hold it best, if any does; the prediction otherwise.
   [[nodiscard]] Pose2 start_along_axis(const MotionPrior& prior) const;
   // `found` is set to the last wide search's result, if one was needed.
   KnownFit filter_by_matching(const Scan& scan, double step_s, std::optional<CorrelativeResult>& found);

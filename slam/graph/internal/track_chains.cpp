@@ -45,12 +45,17 @@ TrackChains::TrackChains(const std::vector<ChainRow>& rows, std::vector<bool> ne
   }
 }
 
+std::vector<UncertainPose> TrackChains::sums_of(const Chain& chain) const {
+  std::vector<UncertainPose> sums{step_of(rows_[chain.front()])};
+  for (std::size_t i = 1; i < chain.size(); ++i) sums.push_back(compose(sums.back(), step_of(rows_[chain[i]])));
+  return sums;
+}
+
 std::vector<ChainRow> TrackChains::rows() const {
   std::vector<ChainRow> compounded;
   for (const Chain& chain : chains_) {
-    UncertainPose sum = step_of(rows_[chain.front()]);
-    for (std::size_t i = 1; i < chain.size(); ++i) sum = compose(sum, step_of(rows_[chain[i]]));
-    compounded.push_back({rows_[chain.front()].from, rows_[chain.back()].to, sum.mean, sum.covariance});
+    const UncertainPose whole = sums_of(chain).back();
+    compounded.push_back({rows_[chain.front()].from, rows_[chain.back()].to, whole.mean, whole.covariance});
   }
   return compounded;
 }
@@ -59,8 +64,7 @@ std::vector<ChainRow> TrackChains::rows() const {
 void TrackChains::place_others(std::vector<Pose2>& poses) const {
   for (const Chain& chain : chains_) {
     if (chain.size() < 2) continue;
-    std::vector<UncertainPose> sums{step_of(rows_[chain.front()])};
-    for (std::size_t i = 1; i < chain.size(); ++i) sums.push_back(compose(sums.back(), step_of(rows_[chain[i]])));
+    const std::vector<UncertainPose> sums = sums_of(chain);
     const UncertainPose& whole = sums.back();
     const Pose2& start = poses[rows_[chain.front()].from];
     const Pose2 end = between(start, poses[rows_[chain.back()].to]);

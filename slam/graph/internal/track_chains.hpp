@@ -35,6 +35,8 @@ class TrackChains {
  private:
   // Rows that follow each other from a kept pose to the next one.
   using Chain = std::vector<std::uint32_t>;
+  // From the chain's beginning to the end of each of its rows.
+  [[nodiscard]] std::vector<UncertainPose> sums_of(const Chain& chain) const;
 
   const std::vector<ChainRow>& rows_;
   std::vector<bool> kept_;

@@ -17,12 +17,7 @@ constexpr int kOverlapStride = 2;       // cells; a quarter of them measures the
 constexpr std::size_t kMinJudged = 20;  // surface points; fewer prove nothing
 
 bool all_free_around(const CellPlane& plane, const Eigen::Vector2i& cell) {
-  for (int y = -1; y <= 1; ++y) {
-    for (int x = -1; x <= 1; ++x) {
-      if (plane.kind(cell.x() + x, cell.y() + y) != CellKind::kFree) return false;
-    }
-  }
-  return true;
+  return !plane.any_around(cell, [](CellKind kind) { return kind != CellKind::kFree; });
 }
 
 bool fits(const SurfaceIndex& target, const Eigen::Vector2d& place, const Eigen::Vector2d& normal) {

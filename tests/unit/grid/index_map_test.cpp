@@ -147,7 +147,7 @@ TEST(IndexMapTest, MovedFurnitureDisappears) {
   const CellSet before = obstacles(map);
   EXPECT_TRUE(before.contains({cell(1.02, 0.0).ix, cell(1.02, 0.0).iy}));
   expect_field_of(map, before);
-  ASSERT_NE(map.surface().find(1.02F, 0.02F, {-1.0F, 0.0F, 0.0F, 0.0F}), nullptr);
+  ASSERT_NE(map.surface().find(1.02F, 0.02F, {-1.0F, 0.0F}), nullptr);
   for (int i = 0; i < 60; ++i) (void)map.insert(kOrigin, fan(2.02));
   const CellSet after = obstacles(map);
   for (const auto& [ix, iy] : after) {
@@ -157,8 +157,8 @@ TEST(IndexMapTest, MovedFurnitureDisappears) {
   }
   EXPECT_GT(after.size(), 35U);
   expect_field_of(map, after);
-  EXPECT_EQ(map.surface().find(1.02F, 0.02F, {-1.0F, 0.0F, 0.0F, 0.0F}), nullptr);
-  EXPECT_NE(map.surface().find(2.02F, 0.02F, {-1.0F, 0.0F, 0.0F, 0.0F}), nullptr);
+  EXPECT_EQ(map.surface().find(1.02F, 0.02F, {-1.0F, 0.0F}), nullptr);
+  EXPECT_NE(map.surface().find(2.02F, 0.02F, {-1.0F, 0.0F}), nullptr);
   for (const SurfacePoint& p : map.export_surface()) {
     if (std::abs(p.y) < 0.5F) {
       EXPECT_GT(p.x, 1.9F);
@@ -170,13 +170,13 @@ TEST(IndexMapTest, WhatCameWhereItWasFreeHasMoved) {
   DistanceLayers layers(64, 2);
   IndexMap map(small_options(), layers);
   for (int i = 0; i < 6; ++i) (void)map.insert(kOrigin, fan(2.02));
-  ASSERT_NE(map.surface().find(2.02F, 0.02F, {-1.0F, 0.0F, 0.0F, 0.0F}), nullptr);
-  EXPECT_FALSE(map.surface().find(2.02F, 0.02F, {-1.0F, 0.0F, 0.0F, 0.0F})->moved);
+  ASSERT_NE(map.surface().find(2.02F, 0.02F, {-1.0F, 0.0F}), nullptr);
+  EXPECT_FALSE(map.surface().find(2.02F, 0.02F, {-1.0F, 0.0F})->moved);
   for (int i = 0; i < 3; ++i) (void)map.insert(kOrigin, fan(1.02));  // somebody steps in front of it
-  ASSERT_NE(map.surface().find(1.02F, 0.02F, {-1.0F, 0.0F, 0.0F, 0.0F}), nullptr);
-  EXPECT_TRUE(map.surface().find(1.02F, 0.02F, {-1.0F, 0.0F, 0.0F, 0.0F})->moved);
+  ASSERT_NE(map.surface().find(1.02F, 0.02F, {-1.0F, 0.0F}), nullptr);
+  EXPECT_TRUE(map.surface().find(1.02F, 0.02F, {-1.0F, 0.0F})->moved);
   for (int i = 0; i < 20; ++i) (void)map.insert(kOrigin, fan(1.02));  // it stays: furniture
-  EXPECT_FALSE(map.surface().find(1.02F, 0.02F, {-1.0F, 0.0F, 0.0F, 0.0F})->moved);
+  EXPECT_FALSE(map.surface().find(1.02F, 0.02F, {-1.0F, 0.0F})->moved);
 }
 
 // The same with random furniture: whatever was cleared and stamped, after the budgeted rebuilds the field is exact.
@@ -281,7 +281,7 @@ TEST(IndexMapTest, ClearReallyClears) {
   EXPECT_TRUE(used.export_surface().empty());
   EXPECT_FALSE(used.known(cell(1.02, 0.0)));
   EXPECT_EQ(used.distance().at(cell(2.52, 0.0)), kDistanceFar);
-  EXPECT_EQ(used.surface().find(1.02F, 0.02F, {-1.0F, 0.0F, 0.0F, 0.0F}), nullptr);
+  EXPECT_EQ(used.surface().find(1.02F, 0.02F, {-1.0F, 0.0F}), nullptr);
   for (int i = 0; i < 3; ++i) {
     (void)used.insert(kOrigin, fan(1.52));
     (void)fresh.insert(kOrigin, fan(1.52));

@@ -23,8 +23,9 @@ std::vector<SurfaceHit> wall(double angle, double offset, double sigma, int hits
   for (int i = 0; i < hits; ++i) {
     const double along = random.uniform(-half_length, half_length);
     const double across = offset + sigma * random.gaussian();
-    out.push_back({static_cast<float>(nx * across - ny * along), static_cast<float>(ny * across + nx * along),
-                   static_cast<float>(nx), static_cast<float>(ny)});
+    out.push_back({static_cast<float>(nx * across - ny * along),
+                   static_cast<float>(ny * across + nx * along),
+                   {static_cast<float>(nx), static_cast<float>(ny)}});
   }
   return out;
 }
@@ -34,8 +35,8 @@ std::vector<SurfaceHit> wall(double angle, double offset, double sigma, int hits
 void expect_line(const SurfaceMap& map, double x, double y, double angle, double offset, double sigma) {
   const double nx = std::cos(angle);
   const double ny = std::sin(angle);
-  const PooledLine* line = map.find(static_cast<float>(x), static_cast<float>(y),
-                                    {static_cast<float>(nx), static_cast<float>(ny), 0.0F, 0.0F});
+  const PooledLine* line =
+      map.find(static_cast<float>(x), static_cast<float>(y), {static_cast<float>(nx), static_cast<float>(ny)});
   ASSERT_NE(line, nullptr) << x << " " << y;
   ASSERT_EQ(line->kind, SurfaceKind::kLine) << x << " " << y;
   const double n = static_cast<double>(line->count);
@@ -83,7 +84,7 @@ TEST(SurfaceMapTest, PooledLinesAreAtMostATenthBehind) {
     const int iy = static_cast<int>(face.cell / kSurfaceSide);
     if (std::abs(ix - kSurfaceBias) <= 1 && std::abs(iy - kSurfaceBias - 10) <= 1) all += static_cast<double>(face.n);
   }
-  const PooledLine* line = map.find(0.05F, 1.05F, {0.0F, 1.0F, 0.0F, 0.0F});
+  const PooledLine* line = map.find(0.05F, 1.05F, {0.0F, 1.0F});
   ASSERT_NE(line, nullptr);
   ASSERT_GT(all, 600.0);
   EXPECT_LE(static_cast<double>(line->count), all);
@@ -99,46 +100,59 @@ TEST(SurfaceMapTest, ACornerKeepsItsTwoWalls) {
     for (int k = 0; k < 25; ++k) {
       const double depth = random.uniform(0.0, 0.12);
       hits.push_back(
-          {static_cast<float>(0.545 + 0.006 * random.gaussian()), static_cast<float>(1.06 - depth), 0.95F, 0.31F});
+          {static_cast<float>(0.545 + 0.006 * random.gaussian()), static_cast<float>(1.06 - depth), {0.95F, 0.31F}});
     }
     map.insert(hits);
   }
-  const PooledLine* plain = map.find(0.25F, 1.05F, {0.0F, 1.0F, 0.0F, 0.0F});
+  const PooledLine* plain = map.find(0.25F, 1.05F, {0.0F, 1.0F});
   ASSERT_NE(plain, nullptr);
   EXPECT_GT(plain->normal_y, 0.999F);
   EXPECT_GT(plain->half_length_m, 0.07F) << "where the wall is straight, all nine cells tell its direction";
-  const PooledLine* blended = map.find_pooled(0.45F, 1.05F, {0.6F, 0.8F, 0.0F, 0.0F});
+  const PooledLine* blended = map.find_pooled(0.45F, 1.05F, {0.6F, 0.8F});
   ASSERT_NE(blended, nullptr);
   EXPECT_LT(std::abs(blended->normal_y), 0.99F) << "else this test shows nothing";
-  const PooledLine* beside = map.find(0.45F, 1.05F, {0.6F, 0.8F, 0.0F, 0.0F});
+  const PooledLine* beside = map.find(0.45F, 1.05F, {0.6F, 0.8F});
   ASSERT_NE(beside, nullptr);
   EXPECT_GT(beside->normal_y, 0.999F);
 }
 
-// Hits of a surface of which scans told the normal, n = (cos, sin)(angle), from `low` to `high` along it.
-void add_told(std::vector<SurfaceHit>& hits, double angle, double offset, double low, double high, int count,
-              CounterRandom& random, double sigma = 0.01) {
-  const double nx = std::cos(angle);
-  const double ny = std::sin(angle);
-  for (int i = 0; i < count; ++i) {
-    const double along = random.uniform(low, high);
-    const double across = offset + sigma * random.gaussian();
-    const double askew = angle + 0.15 * random.gaussian();
-    hits.push_back({static_cast<float>(nx * across - ny * along), static_cast<float>(ny * across + nx * along), 0.71F,
-                    0.71F, static_cast<float>(std::cos(askew)), static_cast<float>(std::sin(askew))});
+// A surface of which scans tell the normal, n = (cos, sin)(angle), from `low` to `high` along it.
+struct Told {
+  double angle;
+  double offset;
+  double low;
+  double high;
+  int hits;  // a scan
+};
+
+SurfaceMap map_of_twenty_scans(const std::vector<Told>& surfaces) {
+  SurfaceMap map(5000, 50);
+  for (std::uint64_t scan = 0; scan < 20; ++scan) {
+    CounterRandom random(scan, 1, 2);
+    std::vector<SurfaceHit> hits;
+    for (const Told& surface : surfaces) {
+      const double nx = std::cos(surface.angle);
+      const double ny = std::sin(surface.angle);
+      for (int i = 0; i < surface.hits; ++i) {
+        const double along = random.uniform(surface.low, surface.high);
+        const double across = surface.offset + 0.01 * random.gaussian();
+        const double askew = surface.angle + 0.15 * random.gaussian();
+        hits.push_back({static_cast<float>(nx * across - ny * along),
+                        static_cast<float>(ny * across + nx * along),
+                        {0.71F, 0.71F, static_cast<float>(std::cos(askew)), static_cast<float>(std::sin(askew))}});
+      }
+    }
+    map.insert(hits);
   }
+  return map;
 }
 
 // A jamb of 6 cm: with noise of 10 mm its scatter says no direction, and the wall beside it shares its cell.
 TEST(SurfaceMapTest, AShortJambIsALineBesideItsWall) {
-  SurfaceMap map(5000, 50);
-  for (std::uint64_t i = 0; i < 20; ++i) {
-    CounterRandom random(i, 1, 2);
-    std::vector<SurfaceHit> hits;
-    add_told(hits, kPi / 2.0, 1.02, -0.55, 0.0, 60, random);  // wall along x, at y = 1.02, for x from 0 to 0.55
-    add_told(hits, 0.0, 0.55, 1.02, 1.08, 6, random);         // jamb, at x = 0.55, for y from 1.02 to 1.08
-    map.insert(hits);
-  }
+  const SurfaceMap map = map_of_twenty_scans({
+      {kPi / 2.0, 1.02, -0.55, 0.0, 60},  // wall along x, at y = 1.02, for x from 0 to 0.55
+      {0.0, 0.55, 1.02, 1.08, 6},         // jamb, at x = 0.55, for y from 1.02 to 1.08
+  });
   const PooledLine* jamb = map.find(0.55F, 1.05F, {0.71F, 0.71F, 1.0F, 0.0F});
   ASSERT_NE(jamb, nullptr);
   EXPECT_EQ(jamb->kind, SurfaceKind::kLine);
@@ -150,19 +164,12 @@ TEST(SurfaceMapTest, AShortJambIsALineBesideItsWall) {
   EXPECT_GT(wall_beside->normal_y, 0.999F);
   EXPECT_NEAR(wall_beside->mean_y, 1.02F, 0.003F) << "not drawn away by the jamb";
   // Whose scan told no normal finds one of the two.
-  EXPECT_NE(map.find(0.55F, 1.05F, {0.71F, 0.71F, 0.0F, 0.0F}), nullptr);
+  EXPECT_NE(map.find(0.55F, 1.05F, {0.71F, 0.71F}), nullptr);
 }
 
 // A door stands back by 7 cm: nine cells hold two parallel walls, and their scatter a slanted line.
 TEST(SurfaceMapTest, AStepIsNotASlope) {
-  SurfaceMap map(5000, 50);
-  for (std::uint64_t i = 0; i < 20; ++i) {
-    CounterRandom random(i, 1, 2);
-    std::vector<SurfaceHit> hits;
-    add_told(hits, kPi / 2.0, 1.02, -0.55, 0.0, 60, random);
-    add_told(hits, kPi / 2.0, 1.09, -1.1, -0.55, 60, random);
-    map.insert(hits);
-  }
+  const SurfaceMap map = map_of_twenty_scans({{kPi / 2.0, 1.02, -0.55, 0.0, 60}, {kPi / 2.0, 1.09, -1.1, -0.55, 60}});
   for (const float x : {0.35F, 0.45F, 0.55F, 0.65F, 0.75F}) {
     for (const float y : {1.03F, 1.08F}) {
       const PooledLine* line = map.find(x, y, {0.71F, 0.71F, 0.0F, 1.0F});
@@ -173,14 +180,7 @@ TEST(SurfaceMapTest, AStepIsNotASlope) {
 }
 
 TEST(SurfaceMapTest, AFewAskewNormalsAreNoFace) {
-  SurfaceMap map(5000, 50);
-  for (std::uint64_t i = 0; i < 20; ++i) {
-    CounterRandom random(i, 1, 2);
-    std::vector<SurfaceHit> hits;
-    add_told(hits, kPi / 2.0, 1.05, -1.0, 1.0, 400, random);
-    add_told(hits, 0.0, 0.45, 1.05, 1.06, 1, random);
-    map.insert(hits);
-  }
+  const SurfaceMap map = map_of_twenty_scans({{kPi / 2.0, 1.05, -1.0, 1.0, 400}, {0.0, 0.45, 1.05, 1.06, 1}});
   EXPECT_EQ(map.find(0.45F, 1.05F, {0.71F, 0.71F, 1.0F, 0.0F}), nullptr);
   EXPECT_NE(map.find(0.45F, 1.05F, {0.71F, 0.71F, 0.0F, 1.0F}), nullptr);
 }
@@ -188,9 +188,9 @@ TEST(SurfaceMapTest, AFewAskewNormalsAreNoFace) {
 TEST(SurfaceMapTest, FewHitsAreNoMorePreciseThanHitsAre) {
   SurfaceMap map(100, 5);
   // Three hits that happen to lie on a line.
-  map.insert(
-      std::vector<SurfaceHit>{{0.01F, 0.05F, 0.0F, 1.0F}, {0.05F, 0.05F, 0.0F, 1.0F}, {0.09F, 0.05F, 0.0F, 1.0F}});
-  const PooledLine* line = map.find(0.05F, 0.05F, {0.0F, 1.0F, 0.0F, 0.0F});
+  map.insert(std::vector<SurfaceHit>{
+      {0.01F, 0.05F, {0.0F, 1.0F}}, {0.05F, 0.05F, {0.0F, 1.0F}}, {0.09F, 0.05F, {0.0F, 1.0F}}});
+  const PooledLine* line = map.find(0.05F, 0.05F, {0.0F, 1.0F});
   ASSERT_NE(line, nullptr);
   EXPECT_EQ(line->kind, SurfaceKind::kLine);
   EXPECT_GT(line->sigma_m, 0.008F);
@@ -210,7 +210,7 @@ TEST(SurfaceMapTest, ThinWallHasTwoFaces) {
     }
   }
   // A view along the wall belongs to the first face that was made, whichever: but it finds one.
-  EXPECT_NE(map.find(0.05F, 1.05F, {1.0F, 0.0F, 0.0F, 0.0F}), nullptr);
+  EXPECT_NE(map.find(0.05F, 1.05F, {1.0F, 0.0F}), nullptr);
 }
 
 TEST(SurfaceMapTest, PoleIsAPoint) {
@@ -219,10 +219,11 @@ TEST(SurfaceMapTest, PoleIsAPoint) {
   std::vector<SurfaceHit> hits;
   for (int i = 0; i < 300; ++i) {
     hits.push_back({static_cast<float>(2.05 + 0.02 * random.gaussian()),
-                    static_cast<float>(-1.05 + 0.02 * random.gaussian()), -1.0F, 0.0F});
+                    static_cast<float>(-1.05 + 0.02 * random.gaussian()),
+                    {-1.0F, 0.0F}});
   }
   map.insert(hits);
-  const PooledLine* pole = map.find(2.05F, -1.05F, {-1.0F, 0.0F, 0.0F, 0.0F});
+  const PooledLine* pole = map.find(2.05F, -1.05F, {-1.0F, 0.0F});
   ASSERT_NE(pole, nullptr);
   EXPECT_EQ(pole->kind, SurfaceKind::kPoint);
   EXPECT_EQ(pole->normal_x, 0.0F);
@@ -230,13 +231,13 @@ TEST(SurfaceMapTest, PoleIsAPoint) {
   EXPECT_NEAR(pole->mean_x, 2.05F, 0.006F);
   EXPECT_NEAR(pole->mean_y, -1.05F, 0.006F);
   EXPECT_NEAR(pole->sigma_m, 0.02F, 0.003F);
-  EXPECT_EQ(map.find(2.35F, -1.05F, {-1.0F, 0.0F, 0.0F, 0.0F}), nullptr);
+  EXPECT_EQ(map.find(2.35F, -1.05F, {-1.0F, 0.0F}), nullptr);
 }
 
 TEST(SurfaceMapTest, FewHitsAreNoLine) {
   SurfaceMap map(100, 5);
-  map.insert(std::vector<SurfaceHit>{{0.01F, 0.05F, 0.0F, 1.0F}, {0.09F, 0.05F, 0.0F, 1.0F}});
-  const PooledLine* line = map.find(0.05F, 0.05F, {0.0F, 1.0F, 0.0F, 0.0F});
+  map.insert(std::vector<SurfaceHit>{{0.01F, 0.05F, {0.0F, 1.0F}}, {0.09F, 0.05F, {0.0F, 1.0F}}});
+  const PooledLine* line = map.find(0.05F, 0.05F, {0.0F, 1.0F});
   ASSERT_NE(line, nullptr);
   EXPECT_EQ(line->kind, SurfaceKind::kPoint);
 }
@@ -244,15 +245,15 @@ TEST(SurfaceMapTest, FewHitsAreNoLine) {
 TEST(SurfaceMapTest, ForgetTakesTheCellOutOfItsNeighbours) {
   SurfaceMap map(5000, 50);
   map.insert(wall(kPi / 2.0, 1.05, 0.005, 2000, 1.0, 5));
-  const float before = map.find(0.15F, 1.05F, {0.0F, 1.0F, 0.0F, 0.0F})->count;
+  const float before = map.find(0.15F, 1.05F, {0.0F, 1.0F})->count;
   map.forget(0.05, 1.05);
-  const PooledLine* beside = map.find(0.15F, 1.05F, {0.0F, 1.0F, 0.0F, 0.0F});
+  const PooledLine* beside = map.find(0.15F, 1.05F, {0.0F, 1.0F});
   ASSERT_NE(beside, nullptr);
   EXPECT_LT(beside->count, 0.8F * before);
   EXPECT_GT(beside->count, 0.5F * before);
   for (const double x : {-0.05, 0.05, 0.15}) map.forget(x, 1.05);
-  EXPECT_EQ(map.find(0.05F, 1.05F, {0.0F, 1.0F, 0.0F, 0.0F}), nullptr);
-  EXPECT_NE(map.find(0.25F, 1.05F, {0.0F, 1.0F, 0.0F, 0.0F}), nullptr);
+  EXPECT_EQ(map.find(0.05F, 1.05F, {0.0F, 1.0F}), nullptr);
+  EXPECT_NE(map.find(0.25F, 1.05F, {0.0F, 1.0F}), nullptr);
   for (const SurfaceFace& face : map.faces()) {
     const int ix = static_cast<int>(face.cell % kSurfaceSide) - kSurfaceBias;
     const int iy = static_cast<int>(face.cell / kSurfaceSide) - kSurfaceBias;
@@ -274,26 +275,26 @@ TEST(SurfaceMapTest, FullPoolsRefuseAndCount) {
   EXPECT_LE(few_faces.bytes_used(), few_faces.bytes_limit());
   int found = 0;
   for (double x = -2.95; x < 3.0; x += 0.1) {
-    if (few_faces.find(static_cast<float>(x), 1.05F, {0.0F, 1.0F, 0.0F, 0.0F}) != nullptr) ++found;
+    if (few_faces.find(static_cast<float>(x), 1.05F, {0.0F, 1.0F}) != nullptr) ++found;
   }
   EXPECT_GT(found, 0);
   SurfaceMap one_block(5000, 1);
   one_block.insert(wall(kPi / 2.0, 1.05, 0.005, 2000, 3.0, 5));  // crosses x = 0, a border of blocks
   EXPECT_GT(one_block.refused(), 0U);
-  const bool left = one_block.find(-1.0F, 1.05F, {0.0F, 1.0F, 0.0F, 0.0F}) != nullptr;
-  const bool right = one_block.find(1.0F, 1.05F, {0.0F, 1.0F, 0.0F, 0.0F}) != nullptr;
+  const bool left = one_block.find(-1.0F, 1.05F, {0.0F, 1.0F}) != nullptr;
+  const bool right = one_block.find(1.0F, 1.05F, {0.0F, 1.0F}) != nullptr;
   EXPECT_NE(left, right);
   const std::uint64_t refused = one_block.refused();
   one_block.clear();
   EXPECT_EQ(one_block.refused(), refused);  // counts the run, not the sub-map
-  EXPECT_EQ(one_block.find(-1.0F, 1.05F, {0.0F, 1.0F, 0.0F, 0.0F}), nullptr);
-  EXPECT_EQ(one_block.find(1.0F, 1.05F, {0.0F, 1.0F, 0.0F, 0.0F}), nullptr);
+  EXPECT_EQ(one_block.find(-1.0F, 1.05F, {0.0F, 1.0F}), nullptr);
+  EXPECT_EQ(one_block.find(1.0F, 1.05F, {0.0F, 1.0F}), nullptr);
 }
 
 TEST(SurfaceMapTest, KeyframesCountScansAcrossTheWrapOfTheMark) {
   SurfaceMap map(100, 5);
-  const std::vector<SurfaceHit> here{{0.05F, 0.05F, 0.0F, 1.0F}, {0.06F, 0.05F, 0.0F, 1.0F}};
-  const std::vector<SurfaceHit> there{{2.05F, 0.05F, 0.0F, 1.0F}};
+  const std::vector<SurfaceHit> here{{0.05F, 0.05F, {0.0F, 1.0F}}, {0.06F, 0.05F, {0.0F, 1.0F}}};
+  const std::vector<SurfaceHit> there{{2.05F, 0.05F, {0.0F, 1.0F}}};
   const auto keyframes_here = [&] {
     for (const SurfaceFace& f : map.faces()) {
       if (f.n > 0.0F && f.cell == static_cast<std::uint32_t>(kSurfaceBias * kSurfaceSide + kSurfaceBias))
@@ -312,9 +313,9 @@ TEST(SurfaceMapTest, KeyframesCountScansAcrossTheWrapOfTheMark) {
 TEST(SurfaceMapTest, HitsOutsideAreIgnored) {
   SurfaceMap map(100, 5);
   map.insert(
-      std::vector<SurfaceHit>{{1e9F, 0.0F, 0.0F, 1.0F}, {0.0F, -1e30F, 0.0F, 1.0F}, {102.35F, 0.0F, 0.0F, 1.0F}});
+      std::vector<SurfaceHit>{{1e9F, 0.0F, {0.0F, 1.0F}}, {0.0F, -1e30F, {0.0F, 1.0F}}, {102.35F, 0.0F, {0.0F, 1.0F}}});
   EXPECT_EQ(map.faces().size(), 1U);
-  EXPECT_EQ(map.find(1e9F, 0.0F, {0.0F, 1.0F, 0.0F, 0.0F}), nullptr);
+  EXPECT_EQ(map.find(1e9F, 0.0F, {0.0F, 1.0F}), nullptr);
 }
 
 }  // namespace
